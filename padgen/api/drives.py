@@ -35,7 +35,7 @@ def read_tuning(path: "str | Path", plan: "Plan") -> "Tuning":
 
 
 def _tuning_of(tuning: "Tuning | str | Path | None", plan: "Plan", warm: bool = False) -> "Tuning | None":
-    """Return the tuning of a print, read from a file if a path is given; if `warm`, that of the pad at its warmest."""
+    """Return a print's tuning, read first if it is given as a path; if `warm`, the one for the pad at its warmest."""
     from padgen.measured.tuning import warm_tuning
 
     known = read_tuning(tuning, plan) if isinstance(tuning, (str, Path)) else tuning
@@ -43,7 +43,7 @@ def _tuning_of(tuning: "Tuning | str | Path | None", plan: "Plan", warm: bool = 
 
 
 def read_frames(paths: "str | Path | Sequence[str | Path]", plan: "Plan") -> "Frames":
-    """Read images, a pixel a taxel, as levels (k, taxels), 0 … 1 of the ON amplitude, and notes on pixels left out.
+    """Read images, one pixel per taxel; return levels (frames, taxels) from 0 to 1 (ON), and notes on unused pixels.
 
     Raises
     ------
@@ -184,7 +184,7 @@ def excite(
 
 
 def check_wiring(plan: "Plan", felt: "str | Path") -> list[Finding]:
-    """Return findings on swapped or silent coils, from a record of which taxel moved as each one was played in turn.
+    """Return findings on swapped or silent coils, from a record of which taxel moved when each tone was played.
 
     Parameters
     ----------
@@ -325,7 +325,7 @@ def play_wav(
 
 
 def _player(name: str, plays: str) -> Any:
-    """Return the registered player `name`; raise `SpecError` unless what it plays is `plays`, "frames" or "wav"."""
+    """Return the player `name`; raise `SpecError` if it does not play what `plays` names ("frames" or "wav")."""
     player = PLAYERS.get(name, "player")
     if plays != player.PLAYS:
         raise SpecError(f"{name!r} plays {player.PLAYS}, not {plays}", "player")

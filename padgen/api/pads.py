@@ -171,7 +171,7 @@ def read_plan(path: "str | Path") -> "Plan":
 def explain(
     plan: "Plan", spec: "str | Path | Mapping[str, Any] | Spec | None" = None, *, progress: Progress = _silent
 ) -> "Explanation":
-    """Return the limits that keep a coil of a plan from one more channel, and the changes of the spec that would help.
+    """Return what stops a plan's coils from having one more channel each, and the spec changes that would help.
 
     Every change is planned, as `plan` would plan the `spec` with it: what that leaves open is searched for anew.
     Without the `spec`, what the plan's search decided stays as it is.
@@ -229,7 +229,7 @@ def recoil(
     q: float | None = None,
     images: int = 100,
 ) -> "Recoil":
-    """Return how many dB of ON over OFF amplitude a pad keeps while the recoil of its ON taxels shakes the whole pad.
+    """Return the ratio in dB of ON to OFF amplitude that is left when the recoil of ON taxels shakes the whole pad.
 
     The driver table moves all taxels of a channel in step; a plan's verdict counts that where its spec has a mount.
     What `drive` writes chooses signs, frame by frame.
@@ -458,7 +458,7 @@ def is_plan(given: "Plan | str | Path | Mapping[str, Any] | Spec") -> "TypeIs[Pl
 def check(
     mesh: "str | Path", spec: str | None = None, *, gcode: bool = False, progress: Progress = _silent
 ) -> "Report | LaidReport":
-    """Check a mesh against a printer's limits and, with a spec, against its plan; or G-code against its plan.
+    """Check a mesh against a printer's limits and, if a spec is given, its plan; or check G-code against a spec's plan.
 
     Parameters
     ----------
@@ -580,7 +580,7 @@ def write_report(
 
 
 def _recorded(folder: Path) -> "Plan":
-    """Return the plan recorded in a folder, with unrounded numbers if planning its spec anew gives the same plan."""
+    """Return the plan recorded in a folder; if planning its spec again gives the same plan, return that, unrounded."""
     from contextlib import suppress
 
     from padgen.core.errors import PadgenError

@@ -185,7 +185,7 @@ def save_retuned(
 
 
 def _louder_text(plan: "Plan", simulated: SimulatedPrint, nearest: bool, progress: Progress) -> str:
-    """Return advice on a simulated print that cannot be fitted: the least ``--snr`` that was tried and suffices."""
+    """Simulate again, with higher ``--snr``, a print that cannot be fitted; return as text which value suffices."""
     from padgen.measured.fits import fitted
     from padgen.measured.read import read_measured_text
 
@@ -249,7 +249,7 @@ def fit_touch(
 
 
 def save_touch(plan: "Plan", finger: "FingerFit", folder: "str | Path") -> tuple[str, ...]:
-    """Write a finger's fitted stiffness, damping and mass to ``touch.toml``, for a spec, and with all taxels to JSON.
+    """Write a finger fit: ``touch.toml`` with stiffness, damping and mass for a spec, ``touch.json`` with all taxels.
 
     Raises
     ------
@@ -319,7 +319,7 @@ def bench(
 
 
 def calibrate(plan: "Plan", measured: "Sequence[str | Path]") -> "Calibration":
-    """Fit how much thicker and wider than drawn a printer makes beams, and the plastic's modulus, to measured prints.
+    """Fit to measured prints by how much a printer makes beams too thick and too wide, and the plastic's modulus.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Read a sweep from TOML: which fields of a base spec vary over which values; and list the variants that result.
+"""Read a sweep (a base spec, and the values that its fields take) from TOML, and list the resulting variants.
 
 They are all combinations, or a seeded sample that fills the space evenly. A sample is drawn by `scipy.stats.qmc`: Latin
 hypercube (McKay 1979), or Sobol's sequence with Owen's scrambling. Variants are numbered before constraints take some
@@ -86,7 +86,7 @@ class Expression:
     tree: ast.expr
 
     def holds(self, values: Mapping[str, Any], spec: Spec) -> bool:
-        """Tell whether the condition holds for a variant: `values` by dotted field name, other fields from `spec`.
+        """Tell whether the condition holds for a variant: varied fields come from `values`, all others from `spec`.
 
         Raises
         ------
@@ -122,7 +122,7 @@ def parse_expression(text: str, spec: Spec) -> Expression:
 
 
 def _refuse(node: ast.expr, spec: Spec, where: str) -> None:
-    """Raise `SpecError` unless a condition has only fields, constants, comparisons, arithmetic, logic, known calls."""
+    """Raise `SpecError` if a condition has more than fields, constants, comparisons, arithmetic, logic, known calls."""
     if isinstance(node, NAMES):
         _field(ast.unparse(node), spec, where)
         return
@@ -470,7 +470,7 @@ def _is_plain(value: Any, depth: int = 0) -> bool:
 
 
 def _spec_field(name: str) -> "Field[Any]":
-    """Return the definition (dataclass `Field`) of a spec's field or table; raise `SpecError` if it cannot vary."""
+    """Return the dataclass `Field` of the spec's field or table `name`; raise `SpecError` if it cannot be varied."""
     where = f"axes.{name}"
     kind = Spec
     if name in ("name", "padgen"):

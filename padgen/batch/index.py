@@ -130,11 +130,11 @@ class Overview:
 
     @property
     def points(self) -> np.ndarray:
-        """Values (points, objectives) of what is minimised, of all plotted variants, the Pareto front's first."""
+        """Objective values (points, objectives) of all variants to plot, with those on the Pareto front first."""
         return np.concatenate([self.values, self.beaten, self.short, self.faulty])
 
     def best(self) -> dict[str, int]:
-        """Return, by objective in which variants differ, the index of the front's best row (the first of equals)."""
+        """Return, for each objective that differs among variants, the index of the front's best row (first if tied)."""
         if not self.rows:
             return {}
         scores, every = (_scores(values, self.objectives) for values in (self.values, self.points))
@@ -167,14 +167,14 @@ def _dominator_counts(others: np.ndarray, rows: np.ndarray) -> np.ndarray:
 
 
 def _scores(values: np.ndarray, objectives: Sequence[str]) -> np.ndarray:
-    """Return objective values signed so that more is better; a missing one is -inf, or inf for those in `UNBOUNDED`."""
+    """Return values signed so that more is better; missing ones are inf for objectives in `UNBOUNDED`, else -inf."""
     signs = [1.0 if OBJECTIVES[name].best == "most" else -1.0 for name in objectives]
     empty = [np.inf if name in UNBOUNDED else -np.inf for name in objectives]
     return np.where(np.isnan(values), empty, values * signs)
 
 
 class _RunningFront:
-    """The Pareto front of the variants of one kind, updated block by block, and a thinned set of the other variants."""
+    """The Pareto front of one kind of variants, updated by blocks, and a thinned-out rest of that kind to plot."""
 
     def __init__(self, objectives: Sequence[str]) -> None:
         self.objectives = tuple(objectives)
@@ -240,7 +240,7 @@ def overview_of(header: tuple[str, ...], pairs: Iterable[tuple[VariantRecord, tu
 
 
 def _add_refusal(refused: dict[str, RefusedVariants], name: str, sentence: str) -> None:
-    """Count a refused variant under its reason, the sentence up to a second colon; only a few reasons are kept."""
+    """Count a refused variant under its reason (`sentence` up to its second ": "); keep only the first few reasons."""
     place, colon, reason_and_details = sentence.partition(": ")
     head = place + colon + reason_and_details.partition(": ")[0]
     before = refused.get(head)
@@ -338,7 +338,7 @@ def _pictures(overview: Overview, name: str) -> tuple[bytes, bytes] | None:
 
 
 def _for_plotting(overview: Overview) -> Overview:
-    """Return a copy of the overview for plotting, with unlimited (missing) values put beyond the largest finite one."""
+    """Return a copy for plotting, in which missing values that mean "unlimited" lie above the largest finite value."""
     parts = {name: getattr(overview, name).copy() for name in ("values", "beaten", "short", "faulty")}
     for i in (overview.objectives.index(name) for name in UNBOUNDED & {*overview.objectives}):
         finite = overview.points[np.isfinite(overview.points[:, i]), i]
@@ -395,7 +395,7 @@ FRONT_LABELS = {
 
 
 def _needs_log_axis(overview: Overview, objective: int) -> bool:
-    """Tell whether an objective needs a logarithmic axis: one of `RATIOS`, positive, and spanning over `WIDE` : 1."""
+    """Tell whether an objective needs a log axis: it is in `RATIOS`, positive, and its largest / smallest > `WIDE`."""
     finite = overview.points[:, objective]
     finite = finite[np.isfinite(finite)]
     has_ratio = overview.objectives[objective] in RATIOS and finite.size and finite.min() > 0
@@ -527,7 +527,7 @@ class Journal:
 
 
 def write_index(journal: Journal, sweep: Sweep, folder: Path) -> Overview:
-    """Write `index.csv`, one row a variant in the order of their numbers, and return what is in it.
+    """Write `index.csv`, one row per variant in the order of their numbers, and return its `Overview`.
 
     The columns of figures are the union of those of all variants, in the order of their first appearance. What was
     made of an earlier index goes.
@@ -565,7 +565,7 @@ def write_index(journal: Journal, sweep: Sweep, folder: Path) -> Overview:
 
 
 def _parsed(line: bytes) -> VariantRecord | int | None:
-    """Parse a line of the journal: a record, or the number of a variant whose record was invalidated, else None."""
+    """Parse a journal line into a record, or the number of a variant whose record was invalidated; None if damaged."""
     try:
         table = json.loads(line)
         if isinstance(table.get(FORGOTTEN), int):

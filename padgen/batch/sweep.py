@@ -72,11 +72,11 @@ class StoppedError(PadgenError):
 
 
 class LostError(PadgenError):
-    """The executor lost a task, for whatever reason, and may still make others."""
+    """The executor lost a task, for whatever reason, but may still be able to run other tasks."""
 
 
 class Window:
-    """An executor with the lists of tasks submitted to it; the caller keeps at most `most` of them unfinished.
+    """An executor and the lists of tasks submitted to it; the caller lets at most `most` lists be unfinished at once.
 
     For each list of tasks it calls ``function(tasks, *rest)``.
     """
@@ -120,7 +120,7 @@ class Window:
         return None
 
     def rest(self) -> Iterator[tuple[Any, list[Task]]]:
-        """Yield the finished futures that were not taken, with their tasks; cancel the others."""
+        """Yield each finished future that `take` has not returned yet, with its tasks; cancel the unfinished ones."""
         for future, tasks in self.pending.values():
             if future.done():
                 yield future, tasks
@@ -155,7 +155,7 @@ def records_of(future: Any, tasks: list[Task]) -> list[VariantRecord]:
 
 
 def error_text(error: Any) -> str:
-    """Return an error as text on one line, after the name of its type unless it is a `PadgenError`."""
+    """Return an error's message on one line, preceded by the error's type unless it is a `PadgenError`."""
     text = " ".join(str(error).split())
     return str(error) if isinstance(error, PadgenError) else f"{type(error).__name__}: {text}".rstrip(": ")
 
@@ -239,7 +239,7 @@ class Counts:
 
 @dataclass(frozen=True)
 class Event(Counts):
-    """A progress report of a running sweep: its start, a variant's end, a second without one, or the sweep's end.
+    """An event of a running sweep: it starts, a variant ends, a second passes in which none ends, or the sweep ends.
 
     ``start`` comes first, and counts what earlier runs have finished; then one of ``done``, ``refused`` and
     ``failed`` for each variant that ends, with its `record`, and ``progress`` when a second went by without
@@ -468,7 +468,7 @@ class _Run:
         self._start = time.monotonic()
 
     def survey(self, resume: bool, retry: bool) -> None:
-        """Find out which variants there are and which are finished; ignore records whose inputs or files changed."""
+        """Find all variants and which are finished; ignore a record if the variant's inputs or files have changed."""
         for variant in variants(self.sweep):
             record = self.journal.record(variant.number)
             self.total = self.total + 1
@@ -524,7 +524,7 @@ class _Run:
 
     @property
     def counts_now(self) -> dict[str, Any]:
-        """The numbers of variants by status: total, done, refused, failed, kept, left; and the seconds since start."""
+        """Counts of variants (total, done, refused, failed, kept from earlier runs, left), and seconds since start."""
         left = self.total - sum(self.counts.values())
         seconds = time.monotonic() - self._start
         return {"total": self.total, **self.counts, "kept": self.kept, "left": left, "seconds": seconds}
@@ -653,7 +653,7 @@ def _client(dask: Any, address: str, timeout_s: float, where: str) -> Any:
 
 
 def _within(seconds: float, act: Callable[[], Any], late: str, other: str, where: str) -> Any:
-    """Call `act` with a time limit; raise `PadgenError` saying `late` if it takes longer, `other` if it fails."""
+    """Call `act`; raise `PadgenError` with the text `late` on a timeout or OSError, with `other` on any other error."""
     try:
         return answer_within(seconds, act)
     except OSError as error:  # timeouts are, and what cannot be reached

@@ -85,7 +85,7 @@ class VariantRecord:
 
 
 def task_of(sweep: Sweep, variant: Variant, out: Path) -> Task:
-    """Return the task that makes a variant; the folder of the variant's files, if it gets one, is to lie in `out`."""
+    """Return the task that makes a variant; `out` is where the variant's folder will be made, if it gets one."""
     stage = sweep.settings.stage
     table = variant_table(sweep, variant)
     formats = names_in(sweep.settings.formats, PAD_FORMATS.names(), "formats") if stage == "build" else ()

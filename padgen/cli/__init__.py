@@ -112,7 +112,7 @@ def run(arguments: list[str]) -> int:
 
 
 def _parsed(arguments: list[str]) -> argparse.Namespace:
-    """Parse the command line; also take optional positionals after an option, which argparse alone does not."""
+    """Parse the command line; accept optional positional arguments after options too, which argparse alone refuses."""
     parser = _parser(arguments[:1])
     options, rest = parser.parse_known_args(arguments)
     name = getattr(options, "late", None)

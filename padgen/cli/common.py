@@ -140,7 +140,7 @@ def spec_and_folder(options: argparse.Namespace, recorded: bool = True) -> tuple
 
 
 def plan_of(options: argparse.Namespace, progress: Any, recorded: bool = True) -> Any:
-    """Return the plan that the command line asks for; if `recorded`, by default with its folder's recorded model."""
+    """Plan what the command line asks for; if `recorded`, the model defaults to that of the plan in the folder."""
     from padgen.api.pads import plan
 
     return plan(spec_and_folder(options, recorded)[0], tolerance=options.tolerance, progress=progress)
@@ -198,7 +198,7 @@ def exit_code_of(findings: Any) -> int:
 
 @contextmanager
 def progress_line(log: bool = False) -> Iterator[Any]:
-    """Yield a function that shows the current step: on one line of a terminal, else on a line per step if `log`.
+    """Yield a function that shows each step: on a terminal in one updated line; elsewhere, if `log`, on a new line.
 
     A step that knows its share (`core.display.Step`) has a bar.
     """

@@ -202,7 +202,7 @@ def _bench(options: argparse.Namespace) -> int:
 
 
 def _measure(options: argparse.Namespace, session: Any, name: str) -> None:
-    """Record and fit one taxel, or all over one coil, with retries; print a line for each, fitted or missing."""
+    """Record and fit a taxel, or all taxels over a coil, with retries; print one line per taxel, fitted or missing."""
     for attempt in range(options.tries):
         if not _is_ready(session, name, attempt):
             _say(options, f"{name}: left out")
@@ -246,7 +246,7 @@ def _is_ready(session: Any, name: str, attempt: int) -> bool:
 
 
 def _say(options: argparse.Namespace, text: str) -> None:
-    """Print a line for people at once, with ``--json`` to standard error."""
+    """Print a line for the user and flush it: to standard error with ``--json``, else to standard output."""
     stream = sys.stderr if options.json else sys.stdout
     show(text, stream)
     stream.flush()

@@ -170,7 +170,7 @@ def _sweep(options: argparse.Namespace) -> int:
 
 @contextmanager
 def _event_printer(options: argparse.Namespace, sweep: Any) -> Iterator[Callable[[Any], None]]:
-    """Yield a function that prints a sweep's events: all as JSON lines, or only failures, with a bar on a terminal."""
+    """Yield a function that prints a sweep's events: with ``--json`` all, else failures (on a terminal, also a bar)."""
     if options.json:
         yield lambda event: _line(event.table())
         return

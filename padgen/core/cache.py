@@ -160,7 +160,7 @@ def store_bytes(kind: str, key: str, data: bytes) -> None:
 
 
 def get_or_compute(kind: str, key: str, find: Callable[[], T | None], make: Callable[[], T]) -> T:
-    """Return what `find` finds in the cache, or else what `make` makes, in one process at a time.
+    """Return the result of `find` or, if that is None, of `make`, which only one process at a time calls for a key.
 
     `find` returns the result, or None where there is none; `make` computes and keeps it. Where the folder has no locks,
     several processes may compute it.
@@ -175,7 +175,7 @@ def get_or_compute(kind: str, key: str, find: Callable[[], T | None], make: Call
 
 @contextmanager
 def claimed(kind: str, keys: Iterable[str]) -> Iterator[None]:
-    """Lock cache keys during the block, so that other processes wait for their results; look them up again inside.
+    """Lock cache keys during the block, so that no two processes compute one result; the block must look them up again.
 
     A claim saves time and guarantees nothing: where the folder has no locks, or another process keeps one for more than
     `PATIENCE_S`, the block runs without it. The system releases the claim of a process that dies.
@@ -223,7 +223,7 @@ def info() -> CacheInfo:
 
 
 def clear() -> CacheInfo:
-    """Remove every entry and return the contents before.
+    """Remove every entry, and return the number and bytes of the removed entries, in all and by kind.
 
     Raises
     ------
@@ -275,7 +275,7 @@ def version(package: str) -> str:
 
 @cache
 def code_hash(*parts: str) -> str:
-    """Return a hash of padgen's code and data: of all, or of the named folders and modules."""
+    """Return a hash of padgen's code and data files: of all of them, or only of the folders and modules in `parts`."""
     root = Path(__file__).parents[1]
     chosen = [root / part for part in parts] or [root]
     files = sorted(

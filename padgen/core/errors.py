@@ -103,13 +103,13 @@ class OlderPlanError(FileError):
 
 
 class GeometryError(PadgenError):
-    """A solid or mesh cannot be made, or a file that was written does not hold it."""
+    """A solid or mesh cannot be made, or the file to which it was written does not contain it."""
 
     code = "geometry"
 
 
 class SolverError(PadgenError):
-    """A numerical model was asked outside its range, or did not converge."""
+    """A numerical model was used outside its valid range, or did not converge."""
 
     code = "solver"
 
@@ -235,7 +235,7 @@ def cured(sentence: str, cures: Sequence[Mapping[str, Any]]) -> str:
 
 
 def as_lines(cure: Mapping[str, Any]) -> str:
-    """Return a change of the spec as text: ``FIELD = VALUE`` or ``leaving out FIELD``, joined by ``with``."""
+    """Return a spec change as text: for each field ``FIELD = VALUE`` or ``leaving out FIELD``, joined by ``with``."""
     lines = (f"leaving out {key}" if value is None else f"{key} = {_toml(value)}" for key, value in cure.items())
     return " with ".join(lines)
 

@@ -212,7 +212,7 @@ class _Moves:
         return {*self.new, *self.away, *self.kept, *self.kept.values()}
 
     def sealed_text(self, path: Path) -> bytes:
-        """Return the bytes that a journal's seal covers: its moves and its folder's identity, so that a copy fails."""
+        """Return the bytes that a seal signs: the moves and the folder's identity, so that a copied journal fails."""
         place = [os.path.realpath(path), path.stat().st_ino, (path / self.aside).lstat().st_ino]
         return json.dumps([self.aside, self.new, self.away, self.kept, place], sort_keys=True).encode()
 
@@ -228,7 +228,7 @@ class _Folder:
     file: int | None
 
     def at(self, name: str) -> str | Path:
-        """Return the path to give an `os` function that gets the folder's descriptor as `dir_fd`."""
+        """Return the path of `name` to pass to an `os` function along with the folder's descriptor as `dir_fd`."""
         return self.path / name if self.file is None else name
 
     def has(self, name: str) -> bool:
@@ -311,7 +311,7 @@ def _move_all(path: Path, moves: _Moves) -> None:
 
 
 def _move_back(folder: _Folder, aside: _Folder, replaced: _Folder, moves: _Moves) -> None:
-    """Undo each completed move; rename a user's file that meanwhile has taken the place of a moved one."""
+    """Undo each completed move; rename a user's file that has meanwhile taken the name of a file to move back."""
     lie = {name: (replaced, name) for name in moves.away}
     lie |= {name: (folder, there) for name, there in moves.kept.items()}
     for name in moves.new | lie:
@@ -382,7 +382,7 @@ def _restore(path: Path, moves: _Moves) -> None:
 
 
 def _is_own(path: Path, moves: _Moves) -> bool:
-    """Return whether this user's padgen wrote a journal, for this very folder; anything else is a stranger's data.
+    """Return whether a journal was written for this folder by padgen as run by this user; otherwise do not trust it.
 
     Raises
     ------
@@ -442,7 +442,7 @@ def wait_for_commit(folder: Path, name: str) -> None:
 
 
 def read_as_one(folder: Path, read: Callable[[], T], name: str = MANIFEST) -> T:
-    """Call `read` on a folder's files, again if a commit changed them meanwhile; return its consistent result.
+    """Call `read`, and call it again if a commit changed the folder's files meanwhile; return the consistent result.
 
     `name` is the only file that it reads; without it, all that every commit moves.
 
@@ -466,7 +466,7 @@ def read_as_one(folder: Path, read: Callable[[], T], name: str = MANIFEST) -> T:
 
 
 def _commit_stamp(folder: Path) -> tuple[object, ...]:
-    """Return a folder's stamp, which every commit changes: if a journal is there; inode, time, size of the manifest."""
+    """Return values that every commit changes: whether a journal exists; the manifest's inode, time and size."""
     try:
         manifest = (folder / MANIFEST).lstat()
     except (OSError, ValueError):

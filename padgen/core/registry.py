@@ -48,14 +48,14 @@ _tables: list[dict[str, Any]] = []
 
 
 def new_extension_table() -> dict[str, Any]:
-    """Return a new dict for registered extensions; with an entry in any of them `has_extensions` is true."""
+    """Return a new dict for extensions; `has_extensions` returns True as soon as any dict made here has an entry."""
     table: dict[str, Any] = {}
     _tables.append(table)
     return table
 
 
 def has_extensions() -> bool:
-    """Return whether extensions are registered in this process, whose code may change results but not cache keys."""
+    """Return whether this process has registered extensions; their code may change results but is in no cache key."""
     plugin_code()
     return any(_tables)
 
@@ -125,7 +125,7 @@ class Registry(Generic[T]):
         return tuple(self._registered)
 
     def version(self, name: str) -> int:
-        """Return a number for keys of caches: 0 for padgen's extensions, else one that each registration changes."""
+        """Return a number for cache keys: 0 for padgen's extensions, else one that changes with each registration."""
         return self.changes if name in self._registered else 0
 
     def get(self, name: str, where: str = "") -> T:
@@ -154,7 +154,7 @@ def _extension(package: str, name: str) -> Any:
 
 @cache
 def _own_extensions(package: str) -> dict[str, tuple[str, int]]:
-    """Return a package's extensions by name, in alphabetic order: module, and number in a family (0: none).
+    """Return a dict from extension name, in alphabetic order, to its module and its number in a family (0: none).
 
     A file with an underscore before a digit has the name without it, since no module can begin with a digit. Other
     files with an underscore are private. A file that ends with several numbers, ``NAME_3_5.py``, is the family

@@ -18,7 +18,7 @@ T = TypeVar("T")
 
 
 class Rule(NamedTuple):
-    """A condition on one thing: whether it `holds`, and the sentence to say if it does not.
+    """A condition that was checked on one thing: whether it `holds`, and the error message for when it does not.
 
     `where` is the field, option, file or part that it is about, `sentence` what is wrong with it, and `cures` are
     changes of the spec to propose. `code` and `level` are those of the finding, where it makes one.

@@ -382,7 +382,7 @@ class _Worker:
         return self._process.stdin
 
     def _listen(self) -> None:
-        """Pass messages on until the worker ends, then clean up after it."""
+        """Put each message of the worker into the parent's queue until the worker ends, then clean up after it."""
         stream = self._process.stdout
         assert stream
         with stream:
@@ -535,13 +535,13 @@ def _end_family(pid: int) -> None:
 
 
 def _broken(error: BaseException) -> Answer:
-    """Return a failed `Answer` that names an unexpected exception, any that is not a `PadgenError`."""
+    """Return a failed `Answer` with type and text of an unexpected exception (one that is not a `PadgenError`)."""
     text = "not enough memory for it" if isinstance(error, MemoryError) else " ".join(str(error).split())
     return Answer("failed", error=SolverError(f"broke down ({type(error).__name__}: {text}".rstrip(": ") + ")"))
 
 
 def _is_life_line(descriptor: int) -> bool:
-    """Return whether this pipe tells a worker that its parent has ended: only on Linux, and if no standard stream."""
+    """Return whether this pipe can signal the parent's end to a worker: on Linux, if it is not a standard stream."""
     return sys.platform == "linux" and descriptor > 2
 
 

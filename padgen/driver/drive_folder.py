@@ -219,7 +219,7 @@ class Drive:
 
     @property
     def played(self) -> tuple[str, ...]:
-        """Name of the tone in each frame of a drive of the pattern 'crossed', for `padgen.check_wiring`; else empty."""
+        """Names of the tones that the pattern 'crossed' plays, one a frame, for `padgen.check_wiring`; else empty."""
         return crossed_names(self.plan) if self.crossed else ()
 
     def save(
@@ -230,7 +230,7 @@ class Drive:
         hear: bool = False,
         gap: bool = False,
     ) -> Driven:
-        """Write one file, or a folder of files, judged against the limits of coil, amplifier and gap.
+        """Write the drive to one file or a folder of files, and check it against the limits of coil, amplifier and gap.
 
         Parameters
         ----------

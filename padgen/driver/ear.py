@@ -107,7 +107,7 @@ class Span(NamedTuple):
 
 
 class Shaken(NamedTuple):
-    """Levels that a finger feels at the taxels of a pad that recoils on its mount; the mount, and the moving mass."""
+    """Levels that a finger feels at the taxels when the pad recoils on its mount; also mount and moving mass."""
 
     mount: str
     is_stated: bool
@@ -155,7 +155,7 @@ class Heard:
 
     @property
     def slot_contrast(self) -> tuple[float, int, int] | None:
-        """Least ratio of ON to OFF vibration within a coil in dB, rms over a frame; with indices of frame and coil.
+        """Smallest ratio in dB of ON to OFF rms vibration on one coil in one frame; indices of that frame and coil.
 
         Both are root mean squares over the whole frame, switching and ringing included. None where no coil has taxels
         ON and OFF in one frame.
@@ -164,7 +164,7 @@ class Heard:
 
     @property
     def held_contrast(self) -> tuple[float, int, int] | None:
-        """Least ratio of ON to OFF vibration within a coil in dB, late in a held state; indices of span and coil.
+        """Smallest ratio in dB of ON to OFF vibration on one coil, late in a held state; indices of span and coil.
 
         None where no coil has taxels ON and OFF in one span.
         """
@@ -177,12 +177,12 @@ class Heard:
 
     @property
     def relative(self) -> np.ndarray:
-        """Felt levels (h, n), each divided by the level that the same taxel is to have when it is fully ON."""
+        """Felt levels (h, n) of n taxels in h spans, each divided by the level planned for that taxel when fully ON."""
         return np.asarray(self.level_um / self.wanted_um)
 
     @property
     def on(self) -> np.ndarray:
-        """Felt levels (h, n) of ON taxels, each divided by the level that the file asks of it; NaN for OFF taxels."""
+        """Felt levels (h, n) of ON taxels, each divided by the level that the file asks of that taxel; NaN if OFF."""
         shares = self.shares
         return np.asarray(np.divide(self.relative, shares, out=np.full(shares.shape, np.nan), where=shares > 0))
 
@@ -193,7 +193,7 @@ class Heard:
 
     @property
     def selectivity_db(self) -> float | None:
-        """Smallest ON over largest OFF level of all held states, in dB; None if no taxel is ON, or none OFF."""
+        """Ratio in dB of the smallest ON to the largest OFF level in all held states; None without ON or OFF taxels."""
         return self._worst_db(self.level_um)
 
     @property
@@ -336,7 +336,7 @@ def _largest_of(course_m: np.ndarray, at_s: np.ndarray, span: Span) -> np.ndarra
 
 
 class _Recoil:
-    """Simulation of the pad's recoil and the taxels that it shakes; no taxels if the model is too large (`refused`)."""
+    """Simulation of the pad's recoil and the taxels that it shakes; left out (`refused`) if the model is too large."""
 
     def __init__(
         self,
@@ -373,7 +373,7 @@ class _Recoil:
 
 
 def _slot_levels(at_s: np.ndarray, course: np.ndarray, edges_s: np.ndarray) -> np.ndarray:
-    """Return rms levels (f, n) of taxels between times `edges_s` (f + 1,), from levels over time `course` (t, n)."""
+    """Return rms levels (f, n) of n taxels in f intervals with the limits `edges_s`, from `course` (t times, n)."""
     square = course**2
     steps = np.diff(at_s)[:, None] * (square[1:] + square[:-1]) / 2
     total = np.concatenate([np.zeros((1, course.shape[1])), steps.cumsum(0)])
@@ -382,7 +382,7 @@ def _slot_levels(at_s: np.ndarray, course: np.ndarray, edges_s: np.ndarray) -> n
 
 
 def _spans(sidecar: Mapping[str, Any], slots: int, tau_s: float, lowest_hz: float) -> tuple[Span, ...]:
-    """Return the spans of a WAV file: the states that it holds or, where channels take turns, frames of `slots` turns.
+    """Return the spans of a WAV file: its held states, or, if channels take turns, its frames of `slots` turns each.
 
     `tau_s` is the slowest taxel's time constant: windows begin, where they can, once it has settled.
     """
@@ -428,7 +428,7 @@ def _play(
     gap: bool,
     recoil: "_Recoil | None",
 ) -> tuple[dict[str, Any], ...]:
-    """Simulate coil currents, the taxels of all `groups` and the recoiling pad; return each coil's current and loss.
+    """Simulate coil currents and the motion of taxels and pad; return, for each coil, its current and copper loss.
 
     Each row also has the signal's peak and mean.
     """
@@ -487,7 +487,7 @@ def _play(
 
 
 def _blocks(wave: Wave, first: int, last: int, size: int) -> Iterator[tuple[int, np.ndarray]]:
-    """Yield blocks of a file that repeats, from sample `first` to before `last`: index, samples (channels, s)."""
+    """Yield a looped file's samples from `first` to before `last` in blocks: first index, and samples (channels, s)."""
     while first < last:
         at = first % wave.count
         stop = min(at + size, wave.count, at + last - first)
@@ -525,7 +525,7 @@ def mode_filter(hz: float, q: float, rate_hz: float) -> tuple[np.ndarray, np.nda
 
 
 class _TaxelGroup:
-    """Simulation of taxels of equal channel, ON level and tuning: filters of their modes, sums of their motion."""
+    """Simulation of taxels with equal channel, ON level and tuning: a filter per mode, running sums of their motion."""
 
     def __init__(
         self,
@@ -585,7 +585,7 @@ class _TaxelGroup:
         self.tail = np.zeros((3, len(which), 0))
 
     def take_block(self, first: int, square_a2: np.ndarray, shaken_a2: np.ndarray | float = 0.0) -> None:
-        """Simulate the taxels for a block of i² (coils, s), or i if force is proportional to i, from sample `first`.
+        """Simulate a block that starts at sample `first`; input is i² (coils, s), or i if force is proportional to i.
 
         `shaken_a2` (taxels, s) is what would pull as the moving pad does.
         """
@@ -638,7 +638,7 @@ class _TaxelGroup:
         return felt
 
     def figures(self) -> tuple[np.ndarray, ...]:
-        """Return levels, tone amplitudes, peaks (h, n), levels over time (t, n), ON levels (n,) in m; pull-in flags."""
+        """Return level, tone, peak (spans, n), levels over time (t, n), ON levels (n,), in m; pull-in flags (n,)."""
         level_m = np.sqrt(2 * np.maximum((self.square - self.mean**2).sum(1), 0.0))
         tone_m = 2 * np.sqrt((np.abs(self.tone) ** 2).sum(1))
         return level_m, tone_m, self.peak_m, np.concatenate(self.course_m), self.wanted_m, self.pulled_in
@@ -649,7 +649,7 @@ MISSED_DB = 0.5
 
 
 def heard_table(heard: Heard) -> dict[str, Any]:
-    """Return a simulated hearing as a dictionary for JSON: summary, coils, rows, levels of every taxel in every span.
+    """Return what a simulated finger feels as a dictionary for JSON: summary, coils, rows, each taxel's level by span.
 
     In the summary `tone_low_db`, `tone_high_db` are how far ON taxels' own lines are off what they are to be, `rise_s`
     is the slowest switching on, `peak_um` the largest motion of a washer; currents and losses are of the coil that has
@@ -719,7 +719,7 @@ def _shaken_table(heard: Heard) -> dict[str, Any] | None:
 
 
 def _rows(heard: Heard) -> Iterator[dict[str, Any]]:
-    """Yield a dictionary for each span, in the order of the file, and each coil: its state, ON and OFF levels in dB.
+    """Yield a dictionary for each pair of span and coil, in the file's order: the coil's state, ON and OFF level in dB.
 
     `state` has a sign for every taxel, the lowest line first: 1 is ON, 0 is OFF, + in between. `on_db` is the smallest
     ON level, over what that taxel is to have there, `off_db` the loudest OFF level over the taxel's own ON level; None

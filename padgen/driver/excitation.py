@@ -160,7 +160,7 @@ def excitation(
 
 
 def _corrected_for_high_pass(volts: np.ndarray, corner_hz: float, rate_hz: int) -> np.ndarray:
-    """Return periodic `volts` (n,) that cancel a sound card's high-pass of corner f_h: each line times ``1 − j f_h/f``.
+    """Return periodic `volts` (n,) pre-corrected for a high-pass of corner f_h: spectral lines times ``1 − j f_h/f``.
 
     The mean, which no high-pass passes, is left out.
     """
@@ -180,14 +180,14 @@ SHORTEST_S = 0.1
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FirmwareSweep:
-    """A sweep as the firmware plays it: frequency `hz` and amplitude `volts` of the voltage, in even steps of time."""
+    """Sweep played by the firmware: frequency `hz` and amplitude `volts` of its voltage, at equally spaced times."""
 
     seconds: float
     hz: np.ndarray
     volts: np.ndarray
 
     def voltage_v(self, rate_hz: float) -> np.ndarray:
-        """Return the sweep's voltage (n,) at `rate_hz`, frequency and amplitude linear between rows of the table."""
+        """Return the sweep's voltage (n,) sampled at `rate_hz`, frequency and amplitude interpolated linearly."""
         at = np.arange(ceil(self.seconds * rate_hz)) / (self.seconds * rate_hz) * (len(self.hz) - 1)
         rows = np.arange(len(self.hz))
         hz = np.interp(at, rows, self.hz)

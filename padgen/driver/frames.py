@@ -354,7 +354,7 @@ def _by_value(path: Path) -> tuple[list[tuple[bool, int, str]], str]:
 
 
 def state_frames(plan: Plan, text: str) -> np.ndarray:
-    """Return a frame (k, taxels) for each state in `text`; in a frame every coil is in the same state.
+    """Return frames (k, taxels), one for each of the k states in `text`; within a frame all coils have the same state.
 
     A state is a digit 0 or 1 for each channel of a coil, its lowest first (``0110``), or levels between commas
     (``0,0.5,1,1``). Several, with blanks between them, and ``all`` for all 2ⁿ, make a frame each. With two
@@ -502,7 +502,7 @@ def text_frames(plan: Plan, text: str) -> np.ndarray:
 
 
 def _pixel(rows: int, columns: int, aspect: float) -> tuple[float, float]:
-    """Return a letter pixel's height and width in taxel rows and columns; `aspect` is row pitch over column pitch."""
+    """Return height in taxel rows and width in taxel columns of a letter's pixel; `aspect`: row pitch/column pitch."""
     high = rows / GLYPH_ROWS
     if rows >= GLYPH_ROWS:
         high = max(int(min(high, columns / GLYPH_COLUMNS / aspect)), 1)

@@ -135,7 +135,7 @@ def least_thermal_time_s(coil: Coil) -> float:
 
 
 def _warm_a2(coil: Coil, shown: Timeline, squares: np.ndarray) -> np.ndarray:
-    """Return the constant i² (coils,) in A² that warms coils as far as i² of `squares` (coils, k) at keyframes does.
+    """Return the steady i² (coils,) in A² that heats coils as much as the i² in `squares` (coils, keyframes) does.
 
     A coil may be as warm as it may ever be when the file begins, since another may have been played before. Its heat
     ``h' = (i² − h)/T`` then stays within a limit P/R if, from the beginning to any time t, the mean of i² weighted by
@@ -155,7 +155,7 @@ def _warm_a2(coil: Coil, shown: Timeline, squares: np.ndarray) -> np.ndarray:
 
 
 def load_of(plan: Plan, drive: PadDrive, shown: Timeline | None = None) -> Load:
-    """Return bounds on the load that a timeline puts on the coils; None: of any frames that a host may send."""
+    """Return bounds on the coils' load under the timeline `shown`, or, if it is None, under any frames from a host."""
     ramp = ramp_s(plan) if shown is None else min(ramp_s(plan), _shortest_s(shown))
     if shown is None:
         asked = [_largest_demand(drive, coil) for coil in drive.coils]
@@ -192,7 +192,7 @@ def _limit_a(plan: Plan) -> float:
 
 
 def excitation_load(plan: Plan, played: Excitation) -> Load:
-    """Return bounds on the load that an excitation puts on the coils, with the mean of i² over its sweep."""
+    """Return bounds on the coils' load during an excitation, with i² averaged over its sweep."""
     sweep = played.current_a[: round(played.sweep_s * played.rate_hz)]
     squares = np.full(len(played.coils), float((sweep**2).mean()))
     peak_v = float(np.abs(played.voltage_v).max(initial=0.0)) / played.between
@@ -357,7 +357,7 @@ def _states(count: int) -> np.ndarray:
 
 
 def _group_constants_a2(drive: PadDrive, coil: CoilDrive) -> tuple[float, list[np.ndarray], int]:
-    """Return least constants of i² in A² with all channels on, and in each state of each group; a group's size."""
+    """Return the least constant of i² in A² with all channels on, those of each group's states, and the group size."""
     size = channels_per_group(max(len(c.taxels) for c in drive.coils))
     all_on, groups = least_constants(coil, size)
     return all_on, [np.array(group) for group in groups], size
@@ -382,7 +382,7 @@ def _largest_constant_a2(drive: PadDrive, coil: CoilDrive) -> float:
 
 
 def channels_per_group(channels: int) -> int:
-    """Return channels per group for an even split into the fewest groups, each of up to `GROUP_CHANNELS`."""
+    """Return the number of channels per group when split evenly into the fewest groups of at most `GROUP_CHANNELS`."""
     return ceil(channels / ceil(channels / GROUP_CHANNELS))
 
 
@@ -409,7 +409,7 @@ def _least_constants(
 
 
 def channels_per_signed_group(channels: int) -> int:
-    """Return channels per group, as `channels_per_group` does, for groups of up to `SIGNED_CHANNELS`.
+    """Return the number of channels per group as `channels_per_group` does, but for at most `SIGNED_CHANNELS` each.
 
     In these a channel is off, on or in counter-phase.
     """
@@ -519,7 +519,7 @@ def _demand(plan: Plan, load: Load, tuning: Tuning | None) -> Demand:
 
 
 def _level_text(plan: Plan, drive: PadDrive, shown: Timeline | None, tuning: Tuning | None, load: Load) -> str:
-    """Return a clause that names a lower drive level, tried and within all limits, or says that none tried is."""
+    """Return a clause that names a lower drive level which keeps all limits, or says that none that was tried does."""
     for _ in range(TRIES):
         # All currents go with the root of the level.
         broken = exceeded(plan.spec, _demand(plan, load, tuning))
@@ -535,7 +535,7 @@ def _level_text(plan: Plan, drive: PadDrive, shown: Timeline | None, tuning: Tun
 
 
 def carrier_text(plan: Plan, shown: Timeline, rate_hz: int | None, tuning: Tuning | None) -> str:
-    """Return a clause that tells whether a drive on the lowest carrier frequency that is accepted keeps all limits."""
+    """Return a clause that says whether a drive on the lowest accepted carrier frequency would keep all limits."""
     hz = at_least(CARRIER_OVER_RESONANCE * highest_hz(plan, tuning))
     try:
         drive = drive_at(plan, RATES_HZ, rate_hz, tuning, float(hz))

@@ -40,7 +40,7 @@ class Outputs:
 
 
 def needed_outputs(plan: Plan, drive: PadDrive, tuning: Tuning | None = None) -> Outputs:
-    """Return number and coupling of the outputs that a drive needs, and what an AC-coupled sound card leaves of it."""
+    """Return number and coupling of the outputs that a drive needs, and what of it passes an AC-coupled sound card."""
     count = len(drive.coils)
     if not drive.has_constant:
         return Outputs(count, "AC or DC")
@@ -74,7 +74,7 @@ def needed_outputs(plan: Plan, drive: PadDrive, tuning: Tuning | None = None) ->
 
 
 def _states(count: int) -> list[np.ndarray]:
-    """Return the on/off states (n,) to try: all but silence, or of many channels only one on, one off, and all on."""
+    """Return the on/off states (n,) to try: all but silence; for many channels just one on, just one off, all on."""
     if count <= MOST_SPELLED_OUT:
         return [np.array(state) for state in product((False, True), repeat=count) if any(state)]
     one = np.eye(count, dtype=bool)
@@ -84,7 +84,7 @@ def _states(count: int) -> list[np.ndarray]:
 def _after_high_pass(
     drive: PadDrive, coil: CoilDrive, on: np.ndarray, resonance_hz: np.ndarray, q: np.ndarray, corner_hz: float
 ) -> tuple[np.ndarray, float]:
-    """Return lines (n,) of i² after a high-pass, in dB of the wanted ones, and the selectivity in dB that is left.
+    """Return lines (n,) of i² after a high-pass in dB relative to the wanted lines, and the selectivity in dB kept.
 
     Each taxel is one resonance; the spur-free current is held.
     """

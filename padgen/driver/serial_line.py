@@ -353,7 +353,7 @@ def excite(port: str, plan: Plan, coil: int, *, tuning: Tuning | None = None, ba
 def _playing(
     port: str, plan: Plan, tuning: Tuning | None, baud: int, reply_s: float, greet_s: float, what: str
 ) -> "Iterator[_Link]":
-    """Open a serial line and check the device's plan, for a ``with`` block; silence the device on any error in it."""
+    """Open a serial line for a ``with`` block and check the device's plan; silence the device if the block fails."""
     serial = _serial()
     try:
         line = serial.Serial(port, baud, timeout=0, write_timeout=2.0, exclusive=True)

@@ -1,4 +1,4 @@
-"""Signs of the motion of ON taxels, chosen so that they shake the pad least, and the contrast that it then keeps.
+"""Choose the sign, up or down, of each ON taxel's motion so that the pad shakes least; compute the contrast left.
 
 Whether a taxel begins upwards or downwards is free: a sign of −1 is its line in counter-phase, of the same force. Frame
 by frame, signs are chosen with which what the pad tells the taxels of a frequency nearly cancels
@@ -26,7 +26,7 @@ __all__ = ["PlayedPad", "PlayedRecoil", "choose_signs", "mount_text", "played_re
 
 
 class PlayedRecoil(NamedTuple):
-    """Least ratio of ON to OFF amplitude in dB of all frames, on a pad that recoils on its mount, by choice of signs.
+    """Least ON/OFF amplitude ratio in dB of all frames on a pad that recoils on its mount, with signs and without.
 
     `signed_db` is with the signs that are played, `in_step_db` without, `clamped_db` of a pad that does not move; None
     where no taxel is OFF beside one that is ON. `turned` counts taxels that stay ON and turn over. `mount` says how the
@@ -42,7 +42,7 @@ class PlayedRecoil(NamedTuple):
 
 
 class PlayedPad(ShakenPad):
-    """The pad of a plan as a rigid body on its mount, shaken by the lines of a drive, with the taxels of a print.
+    """A plan's pad as a rigid body on its mount, with a print's taxels, shaken by the spectral lines of a drive.
 
     What comes from different coils at one frequency adds with its phases.
     """
@@ -125,7 +125,7 @@ def mount_text(pad: ShakenPad) -> str:
 
 
 def _worst_db(pad: ShakenPad, driven: np.ndarray, clamped: bool) -> float | None:
-    """Return the least ratio of ON to OFF amplitude in dB in frames of signed levels (k, n); None if none has both.
+    """Return the least ON/OFF amplitude ratio in dB of frames of signed levels (k, n); None if none has ON and OFF.
 
     If `clamped`, the pad does not move.
     """

@@ -1,4 +1,4 @@
-"""Contrast of ON over OFF taxels in a timeline's frames, on average over a frame and at its end, in closed form.
+"""Ratio of ON to OFF amplitude in a timeline's frames, averaged over a frame and at its end, in closed form.
 
 Each taxel's amplitude under its own line follows the levels (`padgen.physics.switching`); what it hears of its coil's
 other lines and spurs follows them without delay, and adds as energy: blends are slow against beats. With modes where
@@ -26,7 +26,7 @@ LONGER = 1.1
 
 
 class FrameContrast(NamedTuple):
-    """The least contrast in dB of all frames and coils: smallest ON over largest OFF amplitude within a coil.
+    """Least contrast in dB of all frames and coils: a coil's smallest ON divided by its largest OFF amplitude.
 
     `slot_db` is over the frame's whole slot (root mean square of each), in frame `frame` (from 0) on the coil `coil`;
     `end_db` at the ends of frames (None where channels take turns), before a brake. `frame_s` is a frame's length.
@@ -61,7 +61,7 @@ def _last_held_keyframe(levels: np.ndarray, slot: np.ndarray, frame: int) -> int
 
 
 def worst_contrast(levels: np.ndarray, energy: np.ndarray, coil_of: np.ndarray) -> tuple[float, int, int] | None:
-    """Return the least ratio of ON to OFF level within a coil in dB, its frame and coil; None if no coil has both.
+    """Return the least ON/OFF ratio within a coil in dB, its frame and coil; None if no coil has ON and OFF taxels.
 
     `levels` (k, taxels) of frames are shares of the ON amplitudes, `energy` (k, taxels) their squares as felt.
     """
@@ -136,7 +136,7 @@ def _beats(
     slot: np.ndarray,
     amplitude: np.ndarray,
 ) -> np.ndarray:
-    """Return what beats of taxels' motion with other lines of their coil add to ∫ a² dt (frames, n) in s in switching.
+    """Return what beats with a coil's other spectral lines add in transitions to its taxels' ∫ a² dt (frames, n) in s.
 
     What rings and what is heard of a line beside it have not the time to average out: the sum has their phases. With
     tones the spur of a pair lies between the two, and sounds while one takes the other's place.
@@ -194,7 +194,7 @@ def _beats(
 
 
 class _CoilCrosstalk(NamedTuple):
-    """Energies `tones` (n, n) of a coil's taxels under lines meant for the others, over each taxel's energy when ON.
+    """Energies `tones` (n, n) of a coil's n taxels under lines meant for others, divided by each taxel's ON energy.
 
     `spurs` (n, l) are of those that the pairs `makers`, two arrays (l,), make together; None where there are none.
     """
@@ -226,7 +226,7 @@ def slot_findings(
     tuning: Tuning | None = None,
     signs: np.ndarray | float = 1.0,
 ) -> tuple[Finding, ...]:
-    """Return a warning if frames are too short for the asked contrast, with a length that is enough, if any.
+    """Return a warning if frames are too short for the required contrast, naming a sufficient length if there is one.
 
     Asked is `drive.delta_y`, and no more than `SLOT_DB`.
     """

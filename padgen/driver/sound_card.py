@@ -1,4 +1,4 @@
-"""A sound card: a multichannel WAV through its outputs, and recordings by its inputs."""
+"""Play a multichannel WAV through a sound card's outputs, and record from its inputs."""
 
 import sys
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""`PadDrive`: the spectral lines that drive each coil of a planned or measured pad, and its volts over a `Timeline`.
+"""`PadDrive`: spectral lines that drive each coil of a planned or measured pad, and coil voltages along a `Timeline`.
 
 Frequencies lie on a *comb*, whole multiples of 1/period, so that what is written can be looped without a seam and the
 smallest constant of a spur-free force is known for all times. A line that the comb moves off its taxel's resonance is
@@ -184,7 +184,7 @@ def constant_a2(coil: CoilDrive, levels: np.ndarray) -> np.ndarray:
 
 
 def make_drive(plan: Plan, rate_hz: int, tuning: Tuning | None = None, carrier_hz: float | None = None) -> PadDrive:
-    """Make the drive of `plan`, for the print that `tuning` tells of (None: as planned), sampled at `rate_hz`.
+    """Make the drive of `plan`, for the print that `tuning` describes (None: as planned), sampled at `rate_hz`.
 
     The comb's period is the shortest that moves no line far off its resonance; a carrier is moved onto the comb.
 
@@ -352,7 +352,7 @@ class Timeline:
 
     @property
     def signed(self) -> np.ndarray:
-        """Levels (k, taxels) times the signs of motion: shares of the taxels' lines, below 0 in counter-phase."""
+        """Levels (k, taxels) times signs of motion: factors on taxels' spectral lines, negative in counter-phase."""
         return self.levels * self.signs
 
     @property
@@ -368,12 +368,12 @@ def frame_s(plan: Plan, brake: bool = False) -> float:
 
 
 def ramp_s(plan: Plan) -> float:
-    """Return the duration in s of a transition between frames, or the least of half a turn if channels take turns."""
+    """Return a transition's duration in s between frames; if channels take turns, the least duration of half a turn."""
     return switch_ms(plan.channels, plan.coils.sets) * MS
 
 
 def taus_s(plan: Plan, tuning: Tuning | None = None) -> np.ndarray:
-    """Return the time constants (taxels,) of the taxels as planned, or of the print that `tuning` tells of."""
+    """Return the time constants (taxels,) of the taxels as planned, or of the print that `tuning` describes."""
     known = played_tuning(plan, tuning).taxels
     return np.array([ring_up_time(taxel.resonance_hz, taxel.q) for taxel in known])
 
@@ -395,7 +395,7 @@ def brake_of(plan: Plan, tuning: Tuning | None = None) -> Brake:
 
 
 def braked_s(plan: Plan, tuning: Tuning | None = None) -> float:
-    """Return the least duration in s of a frame that is switched in, held for one step of its brake, and braked."""
+    """Return the duration in s of the shortest frame with a brake: transition in, hold of one brake step, brake."""
     brake = brake_of(plan, tuning)
     return ramp_s(plan) + brake.blend_s + brake.seconds
 
@@ -532,7 +532,7 @@ class _Stretch(NamedTuple):
 
 
 def volts(drive: PadDrive, timeline: Timeline, signal: str = "voltage") -> Iterator[np.ndarray]:
-    """Yield volts (samples, coils) of all coils, coils as in `drive`, block by block; A for a 'current' signal."""
+    """Yield blocks (samples, coils) of coil voltages in V, or of currents in A if `signal` is 'current'."""
     return (samples for samples, _ in blocks(drive, timeline, signal))
 
 
@@ -607,7 +607,7 @@ def edges(drive: PadDrive, timeline: Timeline) -> list[int]:
 
 
 def _ramp(drive: PadDrive, timeline: Timeline, where: _Stretch) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the weights (s, 1) at samples of the keyframes before and after, and the latter's slope in 1/s."""
+    """Return, at each sample, weights (s, 1) of the keyframe before and the one after; the latter's slope in 1/s."""
     return _ramp_between(drive, where, timeline.time_s[where.key], timeline.time_s[where.key + 1])
 
 
@@ -660,7 +660,7 @@ def _blended(
     where: _Stretch,
     constant: tuple[np.ndarray | float, np.ndarray | float],
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return a group's sum of lines and constant, blended from one keyframe to the next, and L/R times its slope.
+    """Return a group's sum of lines and constant, blended between keyframes, and the sum's time derivative times L/R.
 
     With a sound card's corner the second also has the high-pass correction (`group.slope`).
     """
@@ -722,7 +722,7 @@ def _linear(drive: PadDrive, timeline: Timeline, group: _Group, where: _Stretch)
 
 
 def bias_flows_at(timeline: Timeline, key: int) -> bool:
-    """Return whether the biased drive's constant current flows at a keyframe: not at silent ends without a loop."""
+    """Return whether a biased drive's constant current is on at a keyframe; off at silent ends unless looped."""
     ends = key in (0, len(timeline.time_s) - 1)
     return timeline.loops or not ends or bool(timeline.levels[key].any())
 

@@ -1,4 +1,4 @@
-"""Wiring: which coil each output of the amplifier is connected to, by what is felt or recorded while it plays.
+"""Find out which coil each amplifier output is connected to, from what is felt or recorded while it plays.
 
 The pattern 'each' plays one taxel after the other. Where coils have two sets of resonances, an output that is connected
 to a coil of the other set then moves nothing; so the pattern 'crossed' has each output play the tones of a neighbour,
@@ -55,7 +55,7 @@ def _silenced(coil: CoilDrive) -> CoilDrive:
 
 
 def crossed_frames(plan: Plan) -> np.ndarray:
-    """Return frames of levels (k, taxels), each with one tone of one output of the `crossed` drive, the lowest first.
+    """Return levels (k, taxels) of k frames, each playing one tone of one `crossed` output, its lowest tone first.
 
     Raises
     ------
@@ -158,7 +158,7 @@ Rows = Iterator[tuple[int, tuple[str, str]]]
 
 
 def _recorded_rows(plan: Plan, path: Path) -> Rows:
-    """Yield row number and played taxel of each recording, and the felt taxel: the same, or '' if it hardly moved."""
+    """Yield (row number, (played taxel, felt taxel)) of each recording; felt is '' if the played taxel hardly moved."""
     from padgen.measured.fits import fitted
     from padgen.measured.read import read_measured
 
@@ -241,7 +241,7 @@ def _moved_findings(plan: Plan, places: dict[Coil, Coil]) -> Iterator[Finding]:
 
 
 def _whole_orders(rows: int, columns: int) -> dict[str, Callable[[int, int], Coil]]:
-    """Return wrong orders of all plugs, by their words: functions from an output's (row, column) to its coil."""
+    """Return wrong ways to plug in all outputs, by description: functions from an output's (row, column) to coil."""
     count = rows * columns
     orders: dict[str, Callable[[int, int], Coil]] = {
         "in the opposite order, the last first": lambda r, c: (rows - 1 - r, columns - 1 - c),

@@ -494,7 +494,7 @@ def _off_axis(pull: PullQuestion) -> Solved:
 
 
 def _near_pull_in(share: float) -> ExtremeCase:
-    """Return a case of a washer's static deflection at `share` of the squared pull-in current, pull as 1/gap²."""
+    """Return a case: a washer's static deflection at `share` of the squared pull-in current, for a pull ∝ 1/gap²."""
     gap_m = 1e-3
 
     def solve() -> Solved:
@@ -633,7 +633,7 @@ def _many_oscillators() -> ExtremeCase:
 
 
 def _refined(system: CoupledSystem, voltage: DecayingTones, times: np.ndarray) -> Solved:
-    """Return the simulated motion of taxels and circuit, with ten times its difference from a finer run as error.
+    """Return the simulated motion of taxels and circuit; its stated error is ten times its difference from a finer run.
 
     Both are over each resonator's largest displacement in the finer run.
     """
@@ -886,7 +886,7 @@ AT_CORNERS = 0.4
 
 
 def odd_table(number: int) -> dict[str, Any]:
-    """Return test spec `number` as a table: four lines or a template, with some fields drawn from all that they allow.
+    """Return test spec `number` as a table: a four-line spec or a template, with some fields set to any allowed values.
 
     At most `MOST_TOGETHER` fields are drawn. The first specs have one field each, at its lowest, at its highest, or one
     of its words.

@@ -317,7 +317,7 @@ def _uncertainty(ladder: Ladder, measured: Sequence[RungFigures], solved: Sequen
 
 
 def _distance(ladder: Ladder, one: RungFigures, other: RungFigures, to: RungFigures | None = None) -> float:
-    """Return the largest difference of two answers, relative to each value, or the largest, of `to` (default `other`).
+    """Return the largest difference of two answers, relative to each value of `to` (default `other`) or to its largest.
 
     inf where they have no common shape.
     """
@@ -466,7 +466,7 @@ def timed(
 
 
 def measured(rung: Rung) -> RungFigures:
-    """Run a rung in a new process and return its values and run time; a refusal or a crash is told in `note`."""
+    """Run a rung in a new process and return its values and run time, or, in `note`, its refusal or crash."""
     answer = timed(rung.solve, rung.imports, rung.limit_s, prepare=rung.prepare)
     if answer.kind != "value":
         return RungFigures(note=("refused: " if answer.kind == "refused" else "") + answer.sentence)

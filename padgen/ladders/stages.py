@@ -297,7 +297,7 @@ def bound_promise(spec: Spec, count: int) -> Solved:
 
 
 def geometric_on_off_ratio(spec: Spec, drive: str, count: int, one_hot: bool) -> Solved:
-    """Return smallest ON over largest OFF amplitude of resonances in geometric series: all states or one channel on."""
+    """Return smallest ON / largest OFF amplitude of geometrically spaced resonances, in all states or with one ON."""
     which = _resonators(spec, geometric_ladder(*spec.band_hz, count))
     scheme = scheme_named(spec, drive)
     return _as_ratio(one_hot_db(which, scheme) if one_hot else all_states(which, scheme).db, count)
@@ -608,7 +608,7 @@ def planned_hz(plan: Plan) -> Solved:
 
 
 def pad_hz(plan: Plan, clamping: str, order: int) -> Solved:
-    """Return each channel's resonance in Hz with the shift that the pad's frame makes on its most central taxel."""
+    """Return each channel's resonance in Hz as shifted by the pad's elastic frame, at its most central taxel."""
     from padgen.verify.pad_frame import central_taxels, pad_modes, shift
 
     modes, held = pad_modes(plan, clamping, order)

@@ -102,7 +102,7 @@ MISSING = "not run"
 
 @dataclass(frozen=True)
 class CaseVerdict:
-    """Verdict on a model in one extreme case: its relative `error` against a reference, and whether it states as much.
+    """Verdict on a model in one extreme case: its relative `error`, and whether the error that it states covers it.
 
     'right': within the stated error; 'refused': one sentence instead of an answer; 'WRONG': worse than
     stated, no number, or no end; 'unchecked': the reference itself could not be computed; 'not run'.

@@ -90,7 +90,7 @@ def parse_tolerance(text: str) -> float:
 
 
 def spec_as_recorded(spec: Spec, folder: Path) -> Spec:
-    """Return `spec` with the model that the plan in `folder` records, and the layout of one by another padgen.
+    """Return `spec` with the model recorded in `folder`'s plan, and its layout too if another padgen version wrote it.
 
     The spec stays as it is where it names a model itself, or where the plan is of another spec. A layout that this
     version's search chose is found again, with the same cures, where the spec is planned as it was asked for.

@@ -143,7 +143,7 @@ def _next_trial(spec: Spec, choice: Choice, tried: Sequence[Trial], enough: floa
 
 
 def _slope(spec: Spec, tried: Sequence[Trial]) -> float:
-    """Return the slope of ln resonance over ln width from the last two trials, or by the beam model after one."""
+    """Return d ln(resonance) / d ln(width) from the last two trials or, after only one, from the beam model."""
     last = tried[-1].sized
     if len(tried) < 2:
         wider = last.beam._replace(width_mm=last.beam.width_mm * WIDER)

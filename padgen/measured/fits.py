@@ -107,7 +107,7 @@ def fit_measured(measured: Measured, plan: Plan, nearest: bool = False) -> tuple
 def fitted(
     measured: Measured, plan: Plan, nearest: bool = False
 ) -> tuple[tuple[TaxelFit, ...], tuple[Curve, ...], FileError | None]:
-    """Return the fits of `fit_measured`, measured and fitted curves, and the error that it raises (or None).
+    """Return the taxels' fits, the measured and fitted curves, and the error that `fit_measured` would raise (or None).
 
     Raises
     ------
@@ -260,14 +260,14 @@ def _from_fit(taxel: str, fit: ResonanceFit, part: Spectrum | TaxelRecord, alone
 
 
 class Recording(NamedTuple):
-    """Measurements of a print, and the planned channels of its taxels by the taxels' names."""
+    """All measurements of one print, and a dictionary from each taxel's name to its planned channel."""
 
     measured: Measured
     channels: dict[str, Channel]
 
 
 def _unit_rules(recording: Recording) -> Iterator[Rule]:
-    """Yield rules that refuse a measurement whose frequencies look like kHz, mHz, or those of the current."""
+    """Yield rules that refuse a measurement whose frequencies seem to be in kHz or mHz, or to be the current's."""
     measured, channels = recording
     if measured.stated:
         return
@@ -316,7 +316,7 @@ WRONG_UNITS = (
 
 
 def _rough_hz(part: TaxelRow | Spectrum | TaxelRecord) -> float:
-    """Return a rough resonance in Hz, without a fit: a table's, else the frequency of largest velocity."""
+    """Return a taxel's rough resonance in Hz without a fit: from its table row, else where its velocity is largest."""
     if isinstance(part, TaxelRow):
         return part.resonance_hz
     if isinstance(part, Spectrum):
@@ -368,7 +368,7 @@ def tuning_picture(curves: Sequence[Curve]) -> bytes:
 
 
 def _misfit(curve: Curve) -> float:
-    """Return the largest residual over the largest response, 0 where there is no fit."""
+    """Return the largest residual divided by the largest response of the fitted curve, 0 where there is no fit."""
     if curve.seen.model is None:
         return 0.0
     return float(np.abs(curve.seen.data - curve.seen.model).max() / np.abs(curve.seen.model).max())

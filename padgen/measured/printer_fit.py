@@ -129,7 +129,7 @@ def calibrated(plan: Plan, prints: Sequence[Sequence[TaxelFit]]) -> Calibration:
 
 
 def _model(plan: Plan, terms: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return ln f (n,) of each channel, and its slopes (n, 3), at `terms` (3,): offsets and ln of the modulus.
+    """Return ln f (n,) of the channels' resonances f, and its derivatives (n, 3) by the three `terms`.
 
     The offsets are of height and of width, in mm; the modulus counts over the planned one.
     """
@@ -175,7 +175,7 @@ def _assumed_biases(spec: Spec) -> tuple[tuple[str, str, float], ...]:
 
 
 def _refuse_vague(spec: Spec, sigma: np.ndarray) -> None:
-    """Raise SolverError if an offset or the modulus would be known hardly better than before the calibration."""
+    """Raise SolverError if the fit leaves an offset or the modulus hardly more certain than it was before."""
     for (name, unit, before), known in zip(_assumed_biases(spec), sigma.tolist(), strict=True):
         if known > REQUIRED * before:
             raise SolverError(
@@ -187,7 +187,7 @@ def _refuse_vague(spec: Spec, sigma: np.ndarray) -> None:
 
 
 def _refuse_far(spec: Spec, change: np.ndarray, sigma: np.ndarray) -> None:
-    """Raise SolverError if an offset or the modulus is off by more than any printer is: another pad was measured."""
+    """Raise SolverError if an offset or the modulus is further off than on any printer: another pad was measured."""
     for (name, unit, before), far, known in zip(_assumed_biases(spec), change.tolist(), sigma.tolist(), strict=True):
         most = FARTHEST_SIGMAS * float(np.hypot(before, known))
         if abs(far) > most:

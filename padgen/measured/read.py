@@ -80,7 +80,7 @@ class Spectrum:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TaxelRecord:
-    """A taxel's motion (n,) over time, in µm (µm/s, µm/s²) where `absolute`, else relative; `power` as of `Spectrum`.
+    """A taxel's motion (n,) over time: in µm (or µm/s, µm/s²) if `absolute`, else relative; for `power` see `Spectrum`.
 
     `squared_current_a2` (n,) is the coil's i², None for a free decay, `current_a` its i where the sensor may pick that
     up beside the answer to i². `clipped` (n,) marks samples of the motion at the
@@ -238,7 +238,7 @@ def _averaging_factor(rate_hz: float, count: int, ids: tuple[str, ...], plan: Pl
 
 
 def _current(column: np.ndarray, rate: float, plan: Plan, kind: str, what: str, where: str) -> np.ndarray:
-    """Return the coil's current, up to a factor, from a recorded column of the `kind` 'current' or 'voltage'.
+    """Return the coil's current, to an arbitrary scale, from a recorded column of the `kind` 'current' or 'voltage'.
 
     The sentence about silence begins with `what`.
     """
@@ -251,7 +251,7 @@ def _current(column: np.ndarray, rate: float, plan: Plan, kind: str, what: str, 
 
 
 def _with_current(record: TaxelRecord, current: np.ndarray | None, plan: Plan) -> TaxelRecord:
-    """Return a record with the coil's i² added, or i where the force goes with i; unchanged without a current."""
+    """Return a record with the coil's i² added (i, if the force is proportional to i); unchanged if no `current`."""
     if current is None:
         return record
     order = plan.spec.force_order
@@ -521,7 +521,7 @@ def _cells(line: str) -> list[str]:
 
 
 def _unit(sheet: _Sheet, axis: str) -> tuple[bool, int | None]:
-    """Return whether responses have an absolute unit, and the stated derivative of motion (0 to 2, or None)."""
+    """Return True if responses have an absolute unit, and which derivative of displacement they are (0 to 2, None)."""
     unit = sheet.notes.get("unit", RELATIVE)
     sensor = sheet.notes.get("sensor")
     refuse(
@@ -640,7 +640,7 @@ def _spectra(sheet: _Sheet, ids: tuple[str, ...], plan: Plan) -> list[Part]:
 def _taxel_columns(
     sheet: _Sheet, ids: tuple[str, ...], plan: Plan, quantities: tuple[str, ...]
 ) -> dict[str, dict[str, int]]:
-    """Return the indices of each taxel's columns, by their suffix; `quantities` are the names of other columns."""
+    """Return, for each taxel, a dictionary from its columns' suffixes to their indices; `quantities` are skipped."""
     columns_of: dict[str, dict[str, int]] = {}
     forms = SUFFIXES[quantities[0]]
     for at, name in enumerate(sheet.names):

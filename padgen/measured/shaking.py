@@ -83,7 +83,7 @@ def shaking_line_a2(plan: Plan) -> Line:
 def chirp_current_a(
     time_s: np.ndarray, seconds: float, band_hz: tuple[float, float], line_a2: Line, force_order: int = SQUARE
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the current in A and its slope in A/s, both (n,), of a chirp of the force up through `band_hz`.
+    """Return the current in A and its slope in A/s, both (n,), that make the force a chirp rising through `band_hz`.
 
     Where the force goes with the current itself (`force_order` 1), the current is at its frequency, not at half of it.
 

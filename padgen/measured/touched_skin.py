@@ -120,7 +120,7 @@ def _is_raised(bare: TaxelFit, pressed: TaxelFit) -> bool:
 
 
 def _touched_taxel(bare: TaxelFit, pressed: TaxelFit, channel: Channel, skin_kg: float) -> TouchedTaxel:
-    """Return the stiffness and damping that the finger adds to a taxel, with their errors by the errors of both fits.
+    """Return the stiffness and damping that the finger adds to a taxel, with errors propagated from both fits.
 
     The finger's mass is taken as `skin_kg`.
     """

@@ -91,7 +91,7 @@ MOST_WITH_SPURS = 64
 
 @dataclass(frozen=True, slots=True)
 class RetunedCoil:
-    """One coil of a print: its selectivity with planned and new tones, and the current, voltage and heat of the latter.
+    """One coil of a print: selectivity with planned and with new tones; current, voltage and heat with the new ones.
 
     `after_low_db` is the selectivity in all states that 95 of 100 prints exceed with the new tones, prints that differ
     from the measured one by the errors of the measurement; None for a coil of one channel.
@@ -128,7 +128,7 @@ class Retuned:
 
 
 def tuning_of(plan: Plan, fits: Sequence[TaxelFit]) -> Tuning:
-    """Return the print as `fits` measured it; other taxels stay as planned, with the spread of prints as error."""
+    """Return the print as `fits` measured it; other taxels stay as planned, with errors as large as prints spread."""
     by_id = {fit.id: fit for fit in fits}
     taxels = []
     for taxel, planned in zip(plan.taxels, planned_tuning(plan).taxels, strict=True):
@@ -218,7 +218,7 @@ def _scheme_db(plan: Plan, tuning: Tuning, name: str) -> float | None:
 
 
 def _low_quantile_db(plan: Plan, tuning: Tuning, after: Sequence[CoilFigures]) -> list[float | None]:
-    """Return for each coil the selectivity in dB that all but `LOW_QUANTILE` of the random prints keep.
+    """Return, for each coil, the selectivity in dB that all but the worst share `LOW_QUANTILE` of random prints reach.
 
     The prints differ from the measured one by the errors of the measurement.
     """
@@ -314,7 +314,7 @@ MOST_STEPS = 4
 
 @dataclass(frozen=True, slots=True)
 class TrimStep:
-    """One resonance to lower: by `add_mg` on the taxel's plate, or by filing its beams thinner or narrower, in mm."""
+    """One resonance to lower, by adding `add_mg` mg to the taxel's plate or by filing its beams thinner or narrower."""
 
     id: str
     from_hz: float
@@ -345,7 +345,7 @@ class Trim:
 
 
 def needed_db(plan: Plan) -> float:
-    """Return the selectivity in dB that a coil needs: that asked for or, if the plan keeps less, the plan's − 1 dB."""
+    """Return the selectivity in dB that a coil needs: the asked one or, where the plan misses it, the plan's − 1 dB."""
     figures = plan.selectivity
     planned = figures.placed_all_states_db
     if planned is None or planned >= figures.asked_db:
@@ -392,7 +392,7 @@ def _lowered_shares(plan: Plan, tuning: Tuning, index: Sequence[int], figures: C
     mass = np.array([[plan.channels[plan.taxels[i].channel].effective_mass_g] for i in index])
 
     def energies(share: np.ndarray) -> np.ndarray:
-        """Return largest OFF over ON energy of each taxel (n, columns), resonances and tones lowered by `share`."""
+        """Return each taxel's largest OFF/ON energy ratio (n, columns) if resonances and tones drop by `share`."""
         lower = hz * (1 - share)
         line = levels_um(plan, lower.ravel()).reshape(lower.shape) / response
         return off_energy(Channels(lower, q, line), plan.scheme)
@@ -403,7 +403,7 @@ def _lowered_shares(plan: Plan, tuning: Tuning, index: Sequence[int], figures: C
     limit = 10 ** (-(need + cost) / 10)
 
     def excess(share: np.ndarray) -> np.ndarray:
-        """Return, for each column of `share`, by what shares of the limit OFF taxels exceed it in sum."""
+        """Return, per column of `share`, the sum over taxels of OFF energy beyond the limit, relative to the limit."""
         return np.asarray(np.maximum(energies(share) / limit - 1, 0.0).sum(0))
 
     steps = np.geomspace(min(1 / (8 * float(q.max())), LARGEST / 8), LARGEST, STEPS)
@@ -554,7 +554,7 @@ def _level(plan: Plan, after: Sequence[CoilFigures], loads: Sequence[CoilLoad]) 
 
 
 def _of_taxels(plan: Plan, tuning: Tuning) -> Iterator[Finding]:
-    """Yield findings on taxels of low Q, in swapped order, far off their planned resonance, or known too coarsely."""
+    """Yield findings on taxels with low Q, swapped order, resonance far off the plan's, or large measuring errors."""
     planned = {taxel.id: plan.channels[taxel.channel] for taxel in plan.taxels}
     measured = [taxel for taxel in tuning.taxels if taxel.measured]
     if low := [taxel for taxel in measured if taxel.q < LOW_Q * planned[taxel.id].q]:
@@ -735,7 +735,7 @@ def write_retuned(
 def retuned_with_coupon(
     plan: Plan, fits: Sequence[TaxelFit], nearest: bool, estimate_rest: bool, coupon: str | Path | None
 ) -> Retuned:
-    """Re-tune `plan` to the print of `fits` as `retuned` does, with the file of its measured coupon where there is one.
+    """Re-tune `plan` to the print of `fits` as `retuned` does, with the file of its measured `coupon` if not None.
 
     `nearest` is that of `fit_measured`.
 

@@ -119,7 +119,7 @@ class Tuning:
 
 
 def planned_response_um_per_a2(channel: Channel, resonance_hz: float | None = None, q: float | None = None) -> float:
-    """Return the amplitude in µm at resonance per A² of the spectral line of i² there, with the planned mass and pull.
+    """Return the amplitude at resonance in µm per A² of the i² line that drives it, with the planned mass and pull.
 
     `resonance_hz` and `q` are those of a print (None: as planned). A print is taken to change the stiffness and not the
     mass. The result is 0 for a washer that the coil does not pull.
@@ -141,7 +141,7 @@ def _planned_taxel(channel: Channel, name: str) -> TunedTaxel:
 
 
 def warm_tuning(plan: Plan, cold: Tuning | None = None) -> Tuning:
-    """Return the tuning of a pad as warm as it gets with all taxels ON for a long time, by `Plan.warm`.
+    """Return the tuning of the pad at the temperatures of `Plan.warm`, which it reaches with all taxels ON for long.
 
     `cold` is the print as measured in the room (None: as planned). Each resonance falls by the share by which its
     channel's does, and the response rises as the stiffness falls; Q stays. Coils are at their mean temperature.
@@ -292,7 +292,7 @@ def refuse_tuning(tuning: Tuning, plan: Plan, where: str) -> None:
 
 
 def _bounded(tuned: TunedTaxel, channel: Channel) -> Iterator[tuple[str, float, float, float, str]]:
-    """Yield the name, value, bounds and their reason of each figure of a taxel.
+    """Yield, for each figure of a taxel, its name, value, lower and upper bound, and the reason for the bounds.
 
     The response's bounds are worked out once resonance and Q are known to be within theirs.
     """
@@ -326,7 +326,7 @@ class WantedLines(NamedTuple):
 
 
 class TaxelEnergies(NamedTuple):
-    """Vibration energies (n,) of the taxels of a coil, ON and OFF, each over the energy at its wanted ON level.
+    """Vibration energies (n,) of a coil's taxels, ON and OFF, each divided by its energy at its wanted ON level.
 
     `on` is by the taxel's own tone alone, `off` the largest over all states in which the taxel is OFF, `alone` the
     largest with only one other channel on, and `loudest` the index of that channel.
@@ -375,7 +375,7 @@ def levels_um(plan: Plan, resonance_hz: np.ndarray) -> np.ndarray:
 
 
 def tones_at(plan: Plan, tuning: Tuning) -> WantedLines:
-    """Return tones on the resonances of `tuning` that move every taxel by its level.
+    """Return tones at the resonances of `tuning`, each with the amplitude that moves its taxel by its ON level.
 
     A taxel that no current moves gets a tone of amplitude 0.
     """

@@ -218,7 +218,7 @@ def _gauss(count: int) -> tuple[np.ndarray, np.ndarray]:
 
 @cache
 def _running(counts: tuple[int, ...]) -> np.ndarray:
-    """Return the matrix that integrates values at slices from the root to each slice, for `counts` points per piece.
+    """Return the matrix that turns values at slices into integrals from the root to each; `counts`: points per piece.
 
     Each piece counts as one of length 1.
 
@@ -390,7 +390,7 @@ def flexibility(section: BeamSection, modulus: Array, poisson: Array) -> Flexibi
 
 
 def anticlastic_factors(slenderness: Array) -> tuple[Array, Array]:
-    """Return two factors s, by kind of moment: clamped ends lower a thin strip's bending flexibility by a share s ν².
+    """Return s for uniform and antisymmetric moments: clamped ends cut a strip's bending flexibility by a share s ν².
 
     The first is for a constant moment, the second for one that is zero at half the length and grows evenly towards both
     ends; any moment from loads at the ends is a sum of the two. `slenderness` is length over width. Both are 1 for a
@@ -532,7 +532,7 @@ class PinMotion(NamedTuple):
 
 
 def pin_motion(section: BeamSection, modulus: Array, poisson: Array) -> PinMotion:
-    """Return how a beam moves at the foot of its pin, and how much stiffer the foot makes the beam.
+    """Return how a beam moves at the foot of its pin, and by how much the foot makes the beam's tip less flexible.
 
     Motions are per motion of its tip, and per load on the pin, by the unit-load method along the path to the pin.
 
@@ -862,7 +862,7 @@ def bend_stiffening(curved: Array) -> Array:
 
 
 def piece_twist(straight: Array, warping: Array) -> Array:
-    """Return the ratio of a straight piece's twist with ends kept from warping to its twist with free ends.
+    """Return a straight piece's twist with ends kept from warping, divided by its twist with ends free to warp.
 
     `warping` is that of `EndCompliance`, in m.
     """
@@ -871,7 +871,7 @@ def piece_twist(straight: Array, warping: Array) -> Array:
 
 
 def doubtful_energies(section: BeamSection, load: np.ndarray, modulus: Array, poisson: Array) -> tuple[Array, Array]:
-    """Return twice the possible errors (…) in J of a bent beam's energy, by two laws, for a `load` (…, 6) on the tip.
+    """Return twice two possible errors (…) in J of a bent beam's elastic energy, for a `load` (…, 6) on its tip.
 
     The first is what the rest of the series of `bend_stiffening` would take from bending and twist of the bends. The
     second is what twist would add to the straight pieces, were their ends free to warp (`piece_twist`).
@@ -1021,7 +1021,7 @@ def on_elastic_ends(section: BeamSection, around: Surroundings, poisson: Array) 
 
 
 def layered_edge(across: Array, poisson: Array) -> Array:
-    """Return how many times as far a half-plane's edge gives way under pressure if its layers are weakly bonded.
+    """Return how much more a half-plane's edge yields to pressure with weakly bonded layers: a ratio, 1 for full bonds.
 
     It is 1 for full bonds. The layers lie along the pressure. `across` is the stiffness across them over that along
     them.

@@ -138,7 +138,7 @@ def _end_angle(coil: BoardCoil, layer: int) -> float:
 
 
 def layer_current_shares(coil: BoardCoil) -> np.ndarray:
-    """Return the share of the coil's current in each layer: all of it in series, by conductance in parallel."""
+    """Return each layer's share of the coil's current: 1 in series; in parallel, in proportion to its conductance."""
     count = len(coil.copper)
     if not coil.parallel:
         return np.ones(count)
@@ -200,7 +200,7 @@ def rings_of(coil: BoardCoil) -> Rings:
 
 @lru_cache(maxsize=64)
 def inductance(coil: BoardCoil) -> float:
-    """Return the inductance in H of a board coil at low frequencies; parallel layers share the current by `shares`."""
+    """Return the inductance in H of a board coil at low frequencies, with currents by `layer_current_shares`."""
     rings = rings_of(coil)
     at, weight = gauss(FILAMENTS)
     across = coil.track * (at - 0.5)
@@ -228,7 +228,7 @@ def inductance(coil: BoardCoil) -> float:
 
 
 def board_source(coil: BoardCoil) -> CoilSource:
-    """Return the coil as one flat winding of uniform current density a layer, valid from some track pitches away on."""
+    """Return the coil as one uniform flat winding per layer, a model valid from some track pitches away on."""
     share = layer_current_shares(coil)
     windings = []
     for k, layer in enumerate(board_layers(coil)):

@@ -134,7 +134,7 @@ def _missed_energy(
 
 
 def _deflections(shift: Any, turn: Any, root: Any, tip: Any) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
-    """Return root slope, tip shift and tip slope of a beam of unit length: with compliant ends, and with rigid ends.
+    """Return two triples (root slope, tip shift, tip slope) of a unit-length beam: with compliant and with rigid ends.
 
     `shift` and `turn` are the body's. `root` and `tip` are the ends' compliances in beam lengths: an end of compliance
     ``g`` turns by ``g w''``.
@@ -146,13 +146,13 @@ def _deflections(shift: Any, turn: Any, root: Any, tip: Any) -> tuple[tuple[Any,
 
 
 def _squared_deflection(deflection: tuple[Any, ...]) -> Any:
-    """Return ∫ w² of a cubic with w = 0 at the root, from its `_deflections`."""
+    """Return ∫ w² along a unit-length beam of cubic deflection w, given its root slope, tip shift and tip slope."""
     a, w, b = deflection
     return 13 / 35 * w**2 - 11 / 105 * w * b + (a**2 + b**2) / 105 + 13 / 210 * a * w - a * b / 70
 
 
 def _squared_slope(deflection: tuple[Any, ...]) -> Any:
-    """Return ∫ w'² of a cubic with w = 0 at the root, from its `_deflections`."""
+    """Return ∫ w'² along a unit-length beam of cubic deflection w, given its root slope, tip shift and tip slope."""
     a, w, b = deflection
     return (36 * w**2 - 6 * w * (a + b) + 4 * (a**2 + b**2) - 2 * a * b) / 30
 
@@ -181,7 +181,7 @@ class Magnetised(NamedTuple):
 def washer_magnetised(
     coil: CoilSource, washer: SteelRing, gap: float, offset: np.ndarray, dipole: np.ndarray
 ) -> Magnetised:
-    """Estimate how a coil magnetises washers at `offset` (n,) in m from its axis, by its field at points of each.
+    """Estimate how a coil magnetises washers `offset` (n,) m off its axis, from its field at three points of each.
 
     Two points lie on the middle line of the ring, nearest to and farthest from the coil's axis, on the washer's
     underside, the third between them. Demagnetisation depends on direction: the mean field along the line through them,
@@ -217,7 +217,7 @@ def washer_magnetised(
 
 
 def core_polarisation(coil: CoilSource) -> tuple[float, float]:
-    """Return the core's mean polarisation in T/A at its most polarised section, and its χN (N: demagnetising factor).
+    """Return the mean polarisation in T/A of the core's most polarised section, and χ times its demagnetising factor N.
 
     The flux through a section is the magnetic charge on the core above it. It rises by 1/(1 + χN) of a relative rise of
     χ: a charge ``σ = −S⁻¹ (1/χ + P)⁻¹ P u`` (`steel_body`) rises by ``σ + R S σ`` per d ln χ. (A uniform field along
@@ -279,7 +279,7 @@ def _skin_depth(resistivity: float, permeability: float, frequency: float) -> fl
 def motional_voltage(
     pull: np.ndarray, amplitude: np.ndarray, resonance: np.ndarray, drive: np.ndarray, bias: np.ndarray, coil: Any
 ) -> np.ndarray:
-    """Bound the relative error (n,) of each channel's current if its voltage is set as if nothing moved.
+    """Bound the relative error (n,) of the channels' currents if voltages are set without the motion's back-EMF.
 
     The washer's motion z adds ``2 c z i`` to the coil's flux: c is its `pull` in N/A², `amplitude` in m that of z, at
     `resonance` in Hz. With a line of the current at `drive` in Hz this induces voltages at the sum and the difference
@@ -298,7 +298,7 @@ def motional_voltage(
 def ring_down_error(
     static: np.ndarray, pulse: np.ndarray, resonance: np.ndarray, q: np.ndarray, quiet: np.ndarray, lag: float
 ) -> np.ndarray:
-    """Bound the relative error (n,) of a ring-down time that omits release from the mean pull and decay of the current.
+    """Bound the relative error (n,) of ring-down times that neglect the mean pull's release and the current's decay.
 
     Beside its vibration the taxel is released from the mean pull, `static` over its ON amplitude, and still pushed by
     the decaying current. The current falls with the time constant `lag` = L/R in s, and the pull with L/2R, from the
@@ -316,7 +316,7 @@ def ring_down_error(
 
 
 def core_echo(coil: CoilSource, gap: float, place: np.ndarray) -> np.ndarray:
-    """Return factors (n,) in m^-3/2; the product of two is what the core adds to one washer's field at the other.
+    """Return a factor in m^-3/2 per washer (n,); two factors' product is the field that the core passes between both.
 
     The washers are at `place` (n, 2). A core answers a field as a dipole of ``V χ/(1 + χN)`` in its middle. The field
     of washer k at washer n grows by the product of both figures, in units of ``μ0 m/2π``.
@@ -330,7 +330,7 @@ def core_echo(coil: CoilSource, gap: float, place: np.ndarray) -> np.ndarray:
 def mutual_shielding(
     moment: np.ndarray, field: np.ndarray, share: np.ndarray, place: np.ndarray, middle: float, echo: np.ndarray
 ) -> np.ndarray:
-    """Bound the relative error (n,) of a coil's pull on each of its washers from the field of the other washers.
+    """Bound the relative error (n,) in a coil's pull on each of its washers that the field of the others causes.
 
     The others are dipoles of `moment` (n,) in A·m²/A at `place` (n, 2) in m from the coil's axis, each taken to point
     along the line to the disturbed washer, where its field is ``μ0 m/(2π d³)``. The error is their sum over the coil's

@@ -69,7 +69,7 @@ few.
 
 
 def schroeder_phases(amplitude: np.ndarray) -> np.ndarray:
-    """Return phases (n,) in rad for which the sum of lines in rising order sweeps through their frequencies.
+    """Return phases (n,) in rad with which spectral lines in rising order add up to a sweep through their frequencies.
 
     The sweep gives each line time by its share of the power. ``φ_j = −2π Σ_{l<j} (j − l) p_l`` with the shares p:
     Schroeder, IEEE Trans. Inf. Theory 16 (1970) 85.
@@ -304,7 +304,7 @@ CHUNK = 1 << 15
 
 
 def comb_period_s(resonance_hz: np.ndarray, q: np.ndarray, step: int, rate_hz: int) -> float:
-    """Return the shortest period in s with a harmonic within `MOST_OFF` half bandwidths of each resonance, or the best.
+    """Return the shortest period in s with a harmonic near each resonance (`MOST_OFF`), else the best possible one.
 
     Lines (n,) are on whole multiples of ``step/period``. The period is a whole number of samples at `rate_hz`, at least
     `SHORTEST_S` and at least `LEAST_PERIODS` of the lowest line. Every period from ``step max Q/f / MOST_OFF`` on keeps
@@ -482,7 +482,7 @@ def _with_margin(coil: _Coil, margin: float, peak_v: float) -> RootMargin:
 
 
 def _margin_share(coil: _Coil, margin: float) -> np.ndarray:
-    """Return each line's margin (n,) over its amplitude: it goes with squared frequency, at least `LEAST_SHARE`."""
+    """Return each line's margin (n,) divided by its amplitude: proportional to frequency², at least `LEAST_SHARE`."""
     return np.maximum(margin * (coil.hz / coil.hz.max()) ** 2, LEAST_SHARE)
 
 

@@ -93,7 +93,7 @@ RULE_SHARES = (2e-5, 2e-4)
 
 
 class _Core(NamedTuple):
-    """Potential of a magnet at the surface nodes of a coil's core, and the charge it induces there, by angular order m.
+    """A magnet's potential at surface nodes of a coil's core, and the charge it induces there, by angular order m.
 
     `along` (m, K, 3, nodes) times J_m(k offset) exp(−k gap) is a magnet's potential in A at the nodes and its first and
     second slope with the gap. `across` (m, K, 2, nodes) times J_m' exp(−k gap) is its slope with the offset, with its
@@ -250,7 +250,7 @@ def _kept_spectrum(
 
 
 def _ring_wave(rings: np.ndarray, k: np.ndarray) -> np.ndarray:
-    """Return what `magnets.steel_charges` adds to the spectra of a magnet's energy and moment, (2, K) in Wb."""
+    """Return what the steel on a magnet adds to the spectra of the magnet's energy and moment, (2, K) in Wb."""
     radius, height, charge = rings
     around = bessel(k[:, None] * radius, 1)
     fall = MU_0 * charge * np.exp(-k[:, None] * height)
@@ -363,7 +363,7 @@ NEAREST = 0.2
 def rest_on_spring(
     coil: CoilSource, magnet: DiscMagnet, gap: np.ndarray, offset: np.ndarray, stiffness: np.ndarray
 ) -> RestOnSpring:
-    """Return where magnets (n,) on springs of `stiffness` in N/m rest over a core; `gap` in m is without any pull."""
+    """Return where magnets (n,) on springs of `stiffness` in N/m rest over a core; `gap` in m is that without pull."""
     gap, offset, stiffness = np.broadcast_arrays(*map(np.atleast_1d, (gap, offset, stiffness)))
     lowest = np.maximum(NEAREST * gap, np.minimum(gap, LEAST_GAP))
     at = gap * (lowest / gap) ** np.linspace(0, 1, FINE)[:, None]

@@ -200,7 +200,7 @@ def paper_force_constant(coil: CoilSource, area: float) -> float:
 
 
 def deflection_without_growth(deflection: float, gap: float, exponent: float) -> float:
-    """Return the deflection if the pull stayed as at zero deflection, from the real equilibrium `deflection`.
+    """Return the deflection that the pull at zero deflection would cause if constant, from the real one `deflection`.
 
     For a pull ``c I² (g/(g − z))^m`` against a spring this is ``z (1 − z/g)^m``. All in the unit of `gap`.
     """
@@ -208,7 +208,7 @@ def deflection_without_growth(deflection: float, gap: float, exponent: float) ->
 
 
 def pull_in_deflection(gap: float, exponent: float) -> tuple[float, float]:
-    """Return the deflection at pull-in, the largest in equilibrium, and `deflection_without_growth` there.
+    """Return the largest stable deflection (where pull-in begins), and `deflection_without_growth` there.
 
     It is ``z = g/(m + 1)``.
     """
@@ -409,7 +409,7 @@ class RingPotential(NamedTuple):
 def ring_potential(
     radius: np.ndarray, height: np.ndarray, ring_radius: np.ndarray, ring_height: np.ndarray, most: int, at_ring: bool
 ) -> RingPotential:
-    """Return potentials at points of rings of charge ∝ cos mφ, m ≤ `most`; slopes are by point or (`at_ring`) by ring.
+    """Return potentials at points due to charged rings (∝ cos mφ, m ≤ `most`), and slopes by point or (`at_ring`) ring.
 
     The four arrays, in m, broadcast. A radius on the axis is replaced by a ten-thousandth of the ring's.
     """
@@ -545,7 +545,7 @@ def steel_body(sides: Sequence[Side], permeability: float, most: int) -> SteelBo
 def _layers(
     side: Side, node: np.ndarray, radius: np.ndarray, height: np.ndarray, part: slice, most: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return single- and double-layer potentials (m, n, nodes) at all n nodes, of each polynomial density on a side.
+    """Return single- and double-layer potentials (m, n, nodes) at n nodes by each node's basis polynomial on a side.
 
     They are at all nodes, by Gauss points on either side of the place nearest to the node, crowding towards it.
     """
@@ -771,7 +771,7 @@ def mutual_inductance(coil: CoilSource, apart: np.ndarray) -> np.ndarray:
 
 
 def mutual_error(coil: CoilSource, apart: np.ndarray) -> np.ndarray:
-    """Return the share (…) by which the amount of `mutual_inductance` may be too small for coils `apart` (…) in m.
+    """Return the share (…) by which `mutual_inductance` may be too small in amount, for coils `apart` (…) in m.
 
     The next multipole of flat coils adds ``c = 9/4 ⟨r⁴⟩/(⟨r²⟩ d²)``, r the radius of turns; the rest of the series is
     bounded by ``2 c² + 7.5 c³`` up to coils that touch (filament sums in `tests/physics/test_mutual_inductance.py`).

@@ -71,7 +71,7 @@ class DiscMagnet(NamedTuple):
 
     @property
     def rims(self) -> tuple[tuple[float, int], ...]:
-        """Radii in m of the outer and inner edge, with the sign 1 of the disc and −1 of the hole."""
+        """Radii in m of the outer and the inner edge, each with a sign: 1 for the disc, −1 for the hole."""
         outer = (self.outer_diameter / 2, 1)
         return (outer, (self.inner_diameter / 2, -1)) if self.inner_diameter else (outer,)
 
@@ -111,7 +111,7 @@ def _bessel_of(x: np.ndarray, most: int) -> np.ndarray:
 
 
 def _downward(x: np.ndarray, most: int) -> np.ndarray:
-    """Return J_m(x) (most + 1, n) by Miller's recurrence; J₀ + 2 Σ J_2m = 1 scales it."""
+    """Return J_m(x) (most + 1, n) by Miller's downward recurrence, scaled so that J₀ + 2 Σ J_2m = 1."""
     start = 8 * ceil((max(MILLER, most) + 20) / 8)
     twice = 2 / np.maximum(x, 1e-8)
     result = np.empty((most + 1, x.size))
@@ -196,7 +196,7 @@ def _laplacian(stiffness: np.ndarray) -> np.ndarray:
 
 @lru_cache(maxsize=256)
 def _beside(magnet: DiscMagnet, apart: float) -> tuple[float, float]:
-    """Return the repulsion in N of two like-poled magnets, and d²U/dz² in N/m of their energy U by a lift z of one."""
+    """Return two like-poled magnets' repulsion in N, and d²U/dz² in N/m of their energy U if one is lifted by z."""
     outer = magnet.outer_diameter / 2
     inner = magnet.inner_diameter / 2
     turns = min(max(ceil(16 / log((apart - outer) / outer)), 12), 96)
@@ -221,7 +221,7 @@ KNOWN = 20
 
 
 def neighbour_stiffness(magnet: DiscMagnet, apart: np.ndarray, steel: SteelRing | None = None) -> np.ndarray:
-    """Return d²U/dz² (…) in N/m of the energy U of two equal magnets, `apart` (…) in m, by a lift z of one.
+    """Return d²U/dz² (…) in N/m of the energy U of two equal magnets, axes `apart` (…) in m, if one is lifted by z.
 
     They are of one polarity, `apart` is between their axes; `steel` is that on top of each. Over `dipole_stiffness` it
     is a smooth function of the inverse square of the distance.
@@ -238,7 +238,7 @@ def neighbour_stiffness(magnet: DiscMagnet, apart: np.ndarray, steel: SteelRing 
 
 @lru_cache(maxsize=64)
 def _over_dipoles(magnet: DiscMagnet, steel: SteelRing | None, wide: float) -> np.ndarray:
-    """Return Chebyshev coefficients, in inverse squared distance, of two magnets' stiffness divided by two dipoles'."""
+    """Return Chebyshev coefficients, in 1/distance², of the ratio of two magnets' stiffness to two dipoles'."""
     node = chebyshev.chebpts1(KNOWN)
     apart = wide * NEAREST_KNOWN / np.sqrt((node + 1) / 2)
     stiffness = np.array([_pair_stiffness(magnet, float(distance), steel) for distance in apart])
@@ -277,7 +277,7 @@ def steel_charges(magnet: DiscMagnet, steel: SteelRing) -> np.ndarray:
 
 
 def _pair_stiffness(magnet: DiscMagnet, apart: float, steel: SteelRing | None) -> float:
-    """Return d²U/dz² in N/m of the energy U of two magnets, with steel on top of each, by a lift z of one."""
+    """Return d²U/dz² in N/m of the energy U of two magnets, with steel on top of each, if one is lifted by z."""
     bare = _beside(magnet, apart)[1]
     if steel is None:
         return bare
@@ -301,7 +301,7 @@ def _point_charges(rings: np.ndarray, turns: int) -> np.ndarray:
 
 
 def _bend(one: np.ndarray, other: np.ndarray) -> float:
-    """Return d²U/dz² in N/m of the energy U of two sets of point charges (x, y, z in m; A·m) by a lift z of one set."""
+    """Return d²U/dz² in N/m of the energy U of two sets of point charges (x, y, z in m; A·m) if one is lifted by z."""
     x, y, rise = (np.subtract.outer(a, b) for a, b in zip(one[:3], other[:3], strict=True))
     square = rise**2
     inverse = 1 / (x**2 + y**2 + square)
@@ -309,7 +309,7 @@ def _bend(one: np.ndarray, other: np.ndarray) -> float:
 
 
 def dipole_stiffness(moment: float, apart: Any) -> Any:
-    """Return d²U/dz² = −9μ0m²/(4πr⁵) in N/m of the energy U of two parallel dipoles side by side by a lift z of one.
+    """Return d²U/dz² = −9μ0m²/(4πr⁵) in N/m of the energy U of two parallel dipoles side by side if one is lifted by z.
 
     Of real magnets it is a rough estimate: of discs of 3 × 1 mm 6.25 mm apart it is 28 % too small.
     """
@@ -337,7 +337,7 @@ def face_factor(magnet: DiscMagnet) -> float:
 
 
 def working_polarisation(remanence: float, recoil_permeability: float, factor: float) -> float:
-    """Return the mean polarisation in T of a magnet by its remanence in T and its demagnetising factor.
+    """Return a magnet's mean polarisation in T after self-demagnetisation, from its remanence in T and `factor`.
 
     It falls by its own field, ``J = Br/(1 + χN)`` with χ the recoil permeability less 1.
     """

@@ -450,7 +450,7 @@ def uncertain_energies(
 
 
 def _bent_energy(integrals: tuple[Array, Array, Array], up: Array, about_y: Array) -> Array:
-    """Return 2 EI times a beam's bending energy by ∫ (l−s)^p ds (p = 0, 1, 2), tip force `up`, tip moment `about_y`."""
+    """Return 2 EI × a beam's bending energy, from ∫ (l−s)^p ds (p = 0, 1, 2), tip force `up`, tip moment `about_y`."""
     turn, both, lift = integrals
     return lift * up**2 - 2 * both * up * about_y + turn * about_y**2
 

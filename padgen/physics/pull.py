@@ -114,7 +114,7 @@ def pull(coil: CoilSource, washer: SteelRing, gap: float, offset: float, *, in_t
 
 @lru_cache(maxsize=1024)
 def _solve(coil: CoilSource, washer: SteelRing, gap: float, offset: float, in_table: bool) -> Pull:
-    """Return the pull solved with enough surface nodes; `doubt` includes the change with fewer nodes."""
+    """Return the pull solved with enough surface nodes; `doubt` includes its difference from that with fewer nodes."""
     near = gap if in_table else _nearest(coil, washer, gap, offset)
     fine = _fineness(coil, washer, near, None if in_table else offset)
     coarse = tuple(ceil(FEWER * count) for count in fine)
@@ -183,7 +183,7 @@ def _nearest(coil: CoilSource, washer: SteelRing, gap: float, offset: float) -> 
 
 
 def _fineness(coil: CoilSource, washer: SteelRing, near: float, offset: float | None) -> tuple[int, ...]:
-    """Return numbers of nodes and orders that resolve fields of steel `near` m away, at most `MOST` to save time.
+    """Return node counts and angular orders that resolve fields of steel `near` m away, at most `MOST` to save time.
 
     They are those on faces of washer and core, then the orders round the axes of both. An `offset` of None stands for
     the one that needs most.
@@ -300,7 +300,7 @@ class PullTable(NamedTuple):
     shape: np.ndarray
 
     def with_turns(self, share: float) -> "PullTable":
-        """Return the table of the coil with `share` times the turns: forces go as share², the dipole as share."""
+        """Return the table for a coil of `share` times the turns: forces change by share², the dipole by share."""
         scale = self.scale.copy()
         shape = self.shape.copy()
         scale[0] += 2 * log(share)
@@ -464,7 +464,7 @@ COARSE_STEP = 1.0
 
 
 class Leakage(NamedTuple):
-    """Pulls of neighbouring coils on n washers, relative to that of the washers' coil at 1 A; quadratic in currents.
+    """Pulls of neighbouring coils on n washers, divided by the pull of the washers' coil at 1 A; quadratic in currents.
 
     `mutual` (n, k, k) is by the fields of neighbours k and l together: currents i_k pull with ``Σ mutual_kl i_k i_l``.
     `product` (n, k) is by neighbour k and the washer's own coil: ``2 product_k i i_k``.
@@ -486,7 +486,7 @@ def leakage(
     neighbours: np.ndarray,
     far: np.ndarray = NO_COILS,
 ) -> Leakage:
-    """Return the pulls of neighbouring coils on the washers of one coil, relative to the pull of that coil itself.
+    """Return the pulls of neighbouring coils on the washers of one coil, divided by that coil's pull on them.
 
     The washers are at `place` (n, 2) in m from the axis of their own coil, the other coils at `neighbours` and `far`
     (k, 2). `far` coils are replaced by their poles (`magnetics.coil_poles`) and come last in the result. Every
@@ -586,7 +586,7 @@ def _core_charge(coil: CoilSource, core: SteelBody, neighbours: np.ndarray, far:
 
 
 def _effective_currents(coil: CoilSource, core: SteelBody, axes: np.ndarray) -> np.ndarray:
-    """Return effective currents (k, k) per ampere in each coil, as cores magnetise each other; the washers' coil first.
+    """Return effective currents (k, k) for 1 A in each coil, as cores magnetise each other; the washers' coil first.
 
     A core in another coil's field is a dipole, which counts as additional current of the core's own coil. The first
     coil's core is left out, since `_core_charge` computes it better.

@@ -43,7 +43,7 @@ class Base(NamedTuple):
 
 
 class MovingTaxels(NamedTuple):
-    """Working modes of n taxels in SI units: momentum they give the pad, modal mass, resonance and Q.
+    """Working modes of n taxels in SI units: load on the pad per washer acceleration, modal mass, resonance and Q.
 
     `momentum` (n, 6) is force and moment about the pad's centre of mass per unit acceleration of the washer against the
     pad; `mass` (n,) the modal mass, `resonance_hz` (n,) and `q` (n,) those on a clamped pad.
@@ -120,7 +120,7 @@ class MovingPad:
 
 
 def balanced_signs(parts: np.ndarray, kept: np.ndarray | None = None, turn: float | None = None) -> np.ndarray:
-    """Return signs (n,) of +1 and −1 with which the sum of `parts` (n, d), real or complex, is small.
+    """Return n signs, +1 or −1, so chosen that the sum of `parts` (n, d), each row times its sign, is small.
 
     Signs that `kept` (n,) has already (not 0) stay, but where another lowers the sum's square by more than a share
     `turn` of the largest part's (None: `TURN`). The same input gives the same signs.

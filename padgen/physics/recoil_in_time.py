@@ -82,7 +82,7 @@ def most_unknowns(taxels: MovingTaxels) -> int:
 
 
 def _reduced(taxels: MovingTaxels, push: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Return mass, damping, stiffness (r,), forces (r, k), momenta (r, 6) of joint taxel motions that shake a pad."""
+    """Return mass, damping, stiffness (r,), forces (r, k), momenta (r, 6) of r taxel combinations that shake a pad."""
     figures = np.stack([taxels.mass, taxels.resonance_hz, taxels.q])
     alike, group = np.unique(figures, axis=1, return_inverse=True)
     rows = []

@@ -40,7 +40,7 @@ FEWEST_PERIODS = 8
 
 
 def without_pick_up(rate_hz: float, current: np.ndarray, response: np.ndarray) -> np.ndarray:
-    """Return a `response` (n,) without the sensor's pick-up, if any, of the coil's `current` (n,) and its slope.
+    """Return `response` (n,) minus what the sensor picks up, if anything, of the coil's `current` (n,) and its slope.
 
     A sensor near a coil hears its field, i and di/dt; the taxel answers to i². In a sweep both pass a frequency at
     different times, so that the one is found by least squares without touching the other.
@@ -59,7 +59,7 @@ def without_pick_up(rate_hz: float, current: np.ndarray, response: np.ndarray) -
 
 
 def _pick_up_lag(rate_hz: float, swing: np.ndarray, level: np.ndarray) -> int | None:
-    """Return the delay in samples of the pick-up of a current in a record; None where there is no pick-up.
+    """Return by how many samples pick-up of the coil's current lags that current; None where there is no pick-up.
 
     What follows a sweep at once at all frequencies is a short impulse; what answers to i² at other times is not.
     """
@@ -76,7 +76,7 @@ def _pick_up_lag(rate_hz: float, swing: np.ndarray, level: np.ndarray) -> int | 
 
 
 def _late(values: np.ndarray, samples: int) -> np.ndarray:
-    """Return `values` (n,) delayed by `samples`, zero where nothing is known."""
+    """Return `values` (n,) delayed by `samples` (advanced if negative), with zeros where the shift leaves no value."""
     moved = np.roll(values, samples)
     if samples > 0:
         moved[:samples] = 0
@@ -113,7 +113,7 @@ def refuse_gap(rate_hz: float, response: np.ndarray, clipped: np.ndarray | None 
 
 
 def refuse_other_knocks(rate_hz: float, response: np.ndarray, near_hz: float) -> None:
-    """Refuse a record of plucks in which knocks ring at different frequencies; `near_hz` is that of the loudest."""
+    """Refuse a record of plucks whose knocks ring at different frequencies; `near_hz` is the loudest one's."""
     from scipy.ndimage import uniform_filter1d
 
     frequency = np.fft.rfftfreq(len(response), 1 / rate_hz)

@@ -28,7 +28,7 @@ POINTS = 4096
 def remanent_current(
     coil: CoilSource, washer: SteelRing, gap: float, offset: np.ndarray, washer_field: float, core_field: float
 ) -> np.ndarray:
-    """Return ρ (n,) in A of the pull ∝ i² + ρ i on remanent washers, at `offset` (n,) and `gap` in m from a coil.
+    """Return ρ (n,) in A for pulls ∝ i² + ρ i on remanent washers, `offset` (n,) m off a coil's axis and `gap` m away.
 
     `washer_field` and `core_field` in A/m are the shares of the coercivities that are kept. The coil's field at a
     washer is the root mean square of that in its plane, at the nearest and the farthest point of its middle line; in
@@ -54,7 +54,7 @@ class RootLines(NamedTuple):
 
 
 def root_lines(line: np.ndarray, headroom: float) -> RootLines:
-    """Return the lines of ``√(a₀ + Σ a cos θ)``, a₀ = (1 + `headroom`) Σ a, for `line` (n,) in A² and any phases θ."""
+    """Return the lines of ``√(a₀ + Σ a cos θ)``, a₀ = (1 + `headroom`) Σ a, a being `line` (n,) in A², θ any phases."""
     # Phases of an additive recurrence, evenly spread in n dimensions (Roberts, 2018).
     count = len(line)
     base = 2.0

@@ -534,7 +534,7 @@ def _cross(rate: float, x: np.ndarray, y: np.ndarray) -> _Cross:
 
 
 def _lag(cross: _Cross, mode: np.ndarray | None = None) -> int:
-    """Return the delay in samples from excitation to response, where impulse response or its match to `mode` peaks."""
+    """Return the response's delay in samples: where impulse response, or its correlation with `mode`, peaks."""
     impulse = cross.impulse
     inside = cross.response != 0
     if mode is not None:
@@ -546,7 +546,7 @@ def _lag(cross: _Cross, mode: np.ndarray | None = None) -> int:
 
 
 def _shifted(lag: int, x: np.ndarray, *late: np.ndarray) -> list[np.ndarray]:
-    """Return x and the signals `late` without their delay of `lag` samples, cut to the samples that they share."""
+    """Return x and the signals `late` shifted back by `lag` samples, all cut to the samples that they share."""
     count = max(len(x) - abs(lag), 0)
     kept = [x[max(-lag, 0) :][:count], *(v[max(lag, 0) :][:count] for v in late)]
     # A delay that leaves the answer to most of the excitation outside the record is one that chance has made.
@@ -557,7 +557,7 @@ def _shifted(lag: int, x: np.ndarray, *late: np.ndarray) -> list[np.ndarray]:
 
 
 def _gated(rate: float, cross: _Cross, lag: int, rings: float) -> MeasuredLines:
-    """Return the spectrum of the impulse response from `lag` on, cut to about eight time constants (`rings` in s)."""
+    """Return the spectrum of the impulse response, from `lag` to about 8 time constants (`rings` s each) later."""
     impulse = cross.impulse
     after = min(max(int(8 * rings * rate), FEWEST_SAMPLES), len(impulse) // 4)
     before = max(after // 16, 4)
@@ -680,7 +680,7 @@ def _solve(
 
 
 def _slopes(fit: _Solved, power: int) -> np.ndarray:
-    """Return the slopes (n, p) of the fitted data over ln f₀ and ln Q of each mode."""
+    """Return the derivatives (n, p) of the fitted data with respect to ln f₀ and ln Q of each mode."""
     lines = fit.lines
     slopes = []
     each = (len(fit.factors) - fit.extra.shape[1] - len(lines.fed)) // len(lines.inputs)
@@ -695,7 +695,7 @@ def _slopes(fit: _Solved, power: int) -> np.ndarray:
 
 
 def _real_columns(fit: _Solved, power: int, phased: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Return derivatives of the fit by all real parameters, caps last, and their noise variance over prior variance."""
+    """Return the fit's derivatives by all real parameters (caps last), and each one's noise over prior variance."""
     caps = np.zeros((len(fit.residual), 0)) if fit.caps is None else fit.caps
     columns = np.concatenate([_slopes(fit, power), fit.basis, *([1j * fit.basis] if phased else []), caps], 1)
     prior = np.zeros(columns.shape[1])
@@ -746,7 +746,7 @@ def _correlation(residual: np.ndarray) -> float:
 
 
 def _gain(fit: _Solved) -> float:
-    """Return how much the modes lower the sum of squares, in noise variances of a line's real or imaginary part."""
+    """Return how much the modes lower the sum of squares, divided by the noise variance of one line's real part."""
     smooth = np.arange(fit.basis.shape[1]) >= len(fit.modes)
     smooth[fit.of_fed] = False
     plain = _projected(fit.basis[:, smooth], fit.lines.data)
@@ -755,7 +755,7 @@ def _gain(fit: _Solved) -> float:
 
 
 def _start(lines: MeasuredLines, rest: np.ndarray, power: int, peaks: list[_Peak]) -> tuple[float, float, float]:
-    """Return frequency in Hz, Q, explained power of the mode away from `peaks` that explains most of `rest` (n,)."""
+    """Return frequency in Hz, Q and explained power of the mode that best explains `rest` (n,), away from `peaks`."""
     from scipy.ndimage import uniform_filter1d
 
     tried = []
@@ -782,7 +782,7 @@ def _start(lines: MeasuredLines, rest: np.ndarray, power: int, peaks: list[_Peak
 
 
 def _shown(fit: _Solved) -> bool:
-    """Return whether the first mode stands out of the noise and its fitted peak is below 1.5 times the data there."""
+    """Return whether the first mode stands out of the noise and its peak is < 1.5 times the largest data near it."""
     near = np.abs(detuning(fit.lines.frequency, fit.modes[0, 0], fit.modes[0, 1])) < 1
     largest = np.abs(fit.lines.data / fit.lines.inputs[0])[near].max(initial=0.0)
     return bool(abs(fit.factors[0]) < 1.5 * largest and _gain(fit) > LEAST_GAIN)
@@ -853,7 +853,7 @@ def _with_restored_crests(
 
 
 def _chosen(peaks: list[_Peak], near_hz: float | None, exact: bool = False) -> _Peak:
-    """Return the peak nearest to `near_hz` of comparable ones (of all, if `exact`); the largest without `near_hz`."""
+    """Return the comparably high (if `exact`: any) peak nearest to `near_hz`, or the highest one if that is None."""
     least = 0.0 if exact else COMPARABLE * max(p.size for p in peaks)
     return min(
         (peak for peak in peaks if peak.size >= least),
@@ -962,7 +962,7 @@ def _better(fit: _Solved, theta: np.ndarray, power: int, extra: np.ndarray) -> _
 
 
 def _are_resolved(fit: _Solved) -> bool:
-    """Return whether the modes are apart, and all further ones lie among the lines and are wide enough to be seen."""
+    """Return whether the modes lie apart, and all but the first lie within the lines and are wide enough to see."""
     hz, q = fit.modes.T
     step = fit.lines.step_hz
     width = np.maximum(hz / q, step)
@@ -993,7 +993,7 @@ def _line_columns(fit: _Solved, power: int, place: int, width_hz: float) -> np.n
 
 
 def _sines(away: np.ndarray) -> np.ndarray:
-    """Return the transform at each line of a sine that is `away` lines from it, in a record of length 1."""
+    """Return a sine's Fourier transform at lines that lie `away` line spacings below it, in a record of length 1."""
     return np.asarray(np.sinc(away) * np.exp(1j * np.pi * away))
 
 

@@ -126,7 +126,7 @@ LEFT_OUT = 1e-4
 
 
 class ModalTaxels(NamedTuple):
-    """Modes (n, k) of n taxels: frequencies, Q, and relative static amplitudes of the p parts of the felt motion.
+    """k modes of each of n taxels: frequencies, Q, and relative static amplitudes of p components of the felt motion.
 
     `frequency_hz` (n, k); `q` (n,), one for all modes of a taxel. `gain` (n, k, p) is the felt static amplitude of each
     mode under one newton, over the felt amplitude under one newton at the taxel's own tone; 0 marks an absent mode.
@@ -179,7 +179,7 @@ def modal_taxels(frequency_hz: np.ndarray, gain: np.ndarray, q: np.ndarray, own_
 
 
 def felt_energy(taxels: ModalTaxels, rows: slice, frequency: np.ndarray, rest: np.ndarray | float = 0.0) -> np.ndarray:
-    """Return the felt vibration energy (rows, lines) under force lines of 1 N, over that at each taxel's own tone.
+    """Return the felt vibration energy (rows, lines) under force lines of 1 N, relative to that at each taxel's tone.
 
     `frequency` is (lines,), or (rows, lines) for lines of each taxel's own; `rest` is its rounding error, as in
     `relative_energy`.
@@ -191,7 +191,7 @@ def felt_energy(taxels: ModalTaxels, rows: slice, frequency: np.ndarray, rest: n
 def felt_response(
     taxels: ModalTaxels, rows: slice, frequency: np.ndarray, rest: np.ndarray | float = 0.0
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return motion (rows, 3, lines), up and two tilts, under force lines of 1 N: parts in phase and 90° behind.
+    """Return motion (rows, 3, lines: up, two tilts) under force lines of 1 N as two arrays: in phase, and 90° behind.
 
     The parts are those of `felt_gains`: up, and by tilting about both axes. Under ``cos ωt`` a part moves as
     ``real cos ωt + imaginary sin ωt``.

@@ -70,7 +70,7 @@ SQUARE = 2
 
 
 class Scheme(NamedTuple):
-    """A drive scheme; `bias_ratio` is the constant current over the largest tone's (biased only).
+    """A drive scheme; `bias_ratio` is the constant current / the largest tone's peak current (biased scheme only).
 
     `version` distinguishes, in caches, schemes that were registered one after the other under one name. `remanence` is
     ρ² over the coil's largest wanted line, for a pull as i² + ρ i (`padgen.physics.remanence`).
@@ -125,7 +125,7 @@ class Scheme(NamedTuple):
 
     @property
     def goes_with_level(self) -> bool:
-        """True where a current tone is proportional to its taxel's level, false where it is to the level's root."""
+        """True where a current tone is proportional to its taxel's level, false where to that level's square root."""
         return self.kind.CURRENT in ("biased", "linear")
 
     @property
@@ -140,7 +140,7 @@ class Scheme(NamedTuple):
 
 
 class Channels(NamedTuple):
-    """Resonance in Hz, Q and amplitude of the wanted line of each channel of one coil, (n,), or of many coils, (n, …).
+    """Each channel's resonance in Hz, Q, and amplitude of its wanted line: (n,) for one coil, (n, …) for many coils.
 
     `line` is the amplitude of a channel's wanted line of i², up to one common factor: the force ``A = D 4π² m f²/Q``
     for its ON displacement D, over the coil's force constant for its washer.
@@ -159,7 +159,7 @@ class Responses(Protocol):
         """Number of resonator responses computed for each taxel and spectral line."""
 
     def energy(self, rows: slice, frequency: np.ndarray, rest: np.ndarray | float = 0.0) -> np.ndarray:
-        """Return the energy (rows, lines) of taxels under spectral lines, over the untouched energy at their own tone.
+        """Return taxels' energy (rows, lines) under spectral lines, divided by that at their own tone when untouched.
 
         All lines have one amplitude.
         """
@@ -179,7 +179,7 @@ class Lines(NamedTuple):
 
 
 class AllStates(NamedTuple):
-    """Selectivity over all states in dB, a worst state as bits (channel 0 first), and its loudest OFF taxel."""
+    """Selectivity in dB over all on/off states, a worst state as bits (channel 0 first), and its loudest OFF taxel."""
 
     db: float
     state: str
@@ -203,7 +203,7 @@ def channels(
 
 
 def tone_energy(receivers: Channels, drivers: Channels) -> np.ndarray:
-    """Return M_ij² (receivers, drivers): energy of taxel i at channel j's tone over that of taxel i when ON."""
+    """Return M_ij² (receivers, drivers): taxel i's energy under channel j's tone, divided by its energy when ON."""
     response = relative_energy(drivers.resonance_hz, receivers.resonance_hz[:, None], receivers.q[:, None])
     return response * (drivers.line / receivers.line[:, None]) ** 2
 
@@ -246,7 +246,7 @@ def pair_lines(
     makers: tuple[np.ndarray, np.ndarray] | None = None,
     strongest: np.ndarray | float | None = None,
 ) -> Lines:
-    """Return the sum and difference spurs of the pairs of channels `makers`, two arrays (l,), or of all pairs if None.
+    """Return the sum and difference spurs of the channel pairs `makers` (two arrays (l,) of channels; None: all pairs).
 
     `strongest`, by default the largest of all lines, sets the bias.
     """
@@ -263,7 +263,7 @@ def pair_lines(
 
 
 def line_energy(which: Channels, part: Lines, modes: Responses | None = None) -> np.ndarray:
-    """Return the energy (n, k, l) of each taxel under each spectral line, over its energy when ON."""
+    """Return the energy (n, k, l) of each taxel under each spectral line, divided by its energy when ON."""
     return _line_response(which, part, modes, slice(None)) / which.line[:, None, None] ** 2
 
 
@@ -275,7 +275,7 @@ def off_energy(
     one_hot: bool = False,
     weight: Callable[[np.ndarray], np.ndarray] | None = None,
 ) -> np.ndarray:
-    """Return the largest energy (n, …) of each taxel in all states in which it is OFF, over its energy when ON.
+    """Return each taxel's largest energy (n, …) among all states in which it is OFF, divided by its energy when ON.
 
     Further axes are further coils (prints, candidates), without `modes`. The `drivers` (None: the channels themselves)
     need not be at the taxels' resonances; ``which.line`` is then the line that moves a taxel by its level at its own
@@ -342,7 +342,7 @@ def one_hot_db(which: Channels, scheme: Scheme, modes: Responses | None = None) 
 def loudest_line(
     which: Channels, scheme: Scheme, off: int, modes: Responses | None = None
 ) -> tuple[tuple[int, ...], str]:
-    """Return channels and kind of the line that an OFF taxel hears loudest.
+    """Return the channels that make the spectral line which moves an OFF taxel most, and that line's kind.
 
     The kind is 'tone', 'harmonic', 'remanence', 'sum' or 'difference'.
     """
@@ -363,7 +363,7 @@ def loudest_line(
 def estimated_print_share(
     of: Channels, scheme: Scheme, need: float, coils: int, followed: float, missed: float = 0.0, share: float = 0.9
 ) -> float:
-    """Estimate in closed form which share of prints of `coils` coils keeps the energy ratio `need` of ON to OFF.
+    """Estimate in closed form the share of prints with `coils` coils that keep an ON/OFF energy ratio of `need`.
 
     Eq. 12 with a guard band for the print. A line may come as near to an OFF taxel as `need` allows, all other lines
     staying where they are: in logarithms ``x = arsinh(√(P/b − 1)/2Q)``, P being its energy at the taxel's resonance
@@ -434,7 +434,7 @@ def _pairs(count: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _line_response(which: Channels, part: Lines, modes: Responses | None, rows: slice) -> np.ndarray:
-    """Return taxels' energy (rows, k, l, …) under lines, over that by a line of amplitude 1 at their own resonance."""
+    """Return taxels' energy (rows, k, l, …) under lines, divided by that under a line of 1 at their own resonance."""
     if modes is None:
         hz = which.resonance_hz[rows, None, None]
         q = which.q[rows, None, None]

@@ -26,7 +26,7 @@ MOST_DB = 300.0
 
 
 class Threshold(NamedTuple):
-    """Just felt amplitudes `db` in dB re 1 µm peak at rising frequencies `hz`, through a contact of `area` in m²."""
+    """Amplitudes `db` (dB re 1 µm peak) just felt at rising frequencies `hz` through a contact of `area` in m²."""
 
     hz: np.ndarray
     db: np.ndarray
@@ -53,7 +53,7 @@ class Threshold(NamedTuple):
 
 
 def for_area(known: Sequence[Threshold], area: float) -> Threshold:
-    """Return the threshold for a contact `area` in m², interpolated between those `known`, else of the nearest area.
+    """Return the threshold for a contact `area` in m²: interpolated between `known` ones or, beyond them, the nearest.
 
     The error is the larger of those of the two that are used.
     """
@@ -90,7 +90,7 @@ def distinct_levels(sensation_db: float, step_db: float, first_db: float | None 
 
 
 def distinct_frequencies(hz: Sequence[float], weber: float) -> int:
-    """Return how many of some frequencies can be told apart, with a Weber fraction of frequency.
+    """Return how many of the frequencies `hz` can be distinguished, given the just felt relative difference `weber`.
 
     >>> distinct_frequencies([100.0, 110.0, 130.0, 200.0], 0.2)
     3

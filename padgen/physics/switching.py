@@ -48,11 +48,11 @@ class Brake(NamedTuple):
 
     @property
     def shares(self) -> tuple[tuple[float, float], ...]:
-        """For each step's end: share left of the level before the brake, and share of the counter-phase level."""
+        """Level at the end of each step, as two shares: of the level before the brake, and of the counter-phase one."""
         return ((0.0, 0.0), (0.0, 1.0), (0.0, 0.0)) if self.through_zero else ((0.0, 1.0), (0.0, 0.0))
 
     def counter(self, amplitude: np.ndarray, level: np.ndarray, tau_s: np.ndarray) -> np.ndarray:
-        """Return the counter-phase level (n,), at most 1, that stops taxels of `amplitude` driven at `level` before."""
+        """Return the counter-phase level (n,), at most 1, that stops taxels at `amplitude` after drive at `level`."""
         kept = np.asarray(amplitude, float)
         before = np.asarray(level, float)
         braked = np.zeros(len(kept))
@@ -86,7 +86,7 @@ def passage(tau_s: np.ndarray, seconds: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def course(tau_s: np.ndarray, seconds: float) -> np.ndarray:
-    """Return weights (3, `STEPS` + 1, n) by which start amplitude and both levels give amplitudes in a smooth step."""
+    """Return weights (3, `STEPS` + 1, n) of start amplitude, old level and new level in amplitudes during a step."""
     tau = np.asarray(tau_s, float)
     step = seconds / STEPS
     keep = np.exp(-step / tau)
@@ -111,7 +111,7 @@ def _passage(tau_s: tuple[float, ...], seconds: float) -> tuple[np.ndarray, np.n
 def follow(
     time_s: np.ndarray, levels: np.ndarray, tau_s: np.ndarray, start: np.ndarray | float = 0.0
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the amplitudes (k, n) of taxels at keyframes, and the integrals (k − 1, n) in s of their squares between.
+    """Return taxels' amplitudes (k, n) at keyframes, and the integrals (k − 1, n) in s of amplitude² between keyframes.
 
     `levels` (k, n) are those at `time_s` (k,), blended from one keyframe to the next; `tau_s` (n,) are time constants.
     """

@@ -322,7 +322,7 @@ def _sides(plan: Plan, axes: dict[tuple[int, int], Point], half_x: float) -> lis
 def _lane_widths_mm(
     plan: Plan, coil: BoardCoil, sides: list[list[tuple[int, int]]], axes: dict[tuple[int, int], Point]
 ) -> dict[float, float]:
-    """Return track widths in mm beside each column of coils, by the column's x; raise `InfeasibleError` without room.
+    """Return column x → width in mm of the tracks beside that column of coils; raise `InfeasibleError` without room.
 
     The tracks of the last column pass between its coils and the screws' heads; none is wider than `WIDEST_LANE_MM`.
     """

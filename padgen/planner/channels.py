@@ -118,7 +118,7 @@ def working_mode_ratios(modes: Sequence[TaxelModes], wrenches: np.ndarray) -> np
 
 
 def force_error(modes: TaxelModes, wrench: np.ndarray, error: float, radius_m: float) -> float:
-    """Return the relative error of the force on the working mode by a pull `wrench` (6,) from `site_wrenches`.
+    """Return the relative error of the force that a pull `wrench` (6,) from `site_wrenches` exerts on the working mode.
 
     The axial pull has the relative `error`. The side force is off by as many newtons, the moment by the same force at
     the rim of the washer, `radius_m` from its axis (docs/accuracy.md). The three errors are independent.
@@ -130,7 +130,7 @@ def force_error(modes: TaxelModes, wrench: np.ndarray, error: float, radius_m: f
 
 
 def site_wrenches(spec: Spec, pulled: PullAt, sites: Sequence[Site]) -> np.ndarray:
-    """Return the wrench (n, 6), force and moment, of the pull at each site per newton of its vertical part.
+    """Return the pull at each site as a wrench (n, 6), force and moment, per newton of its vertical part.
 
     It is in N and N m, about the washer's axis at z = 0, in the taxel's own axes. A washer that the coil does not pull
     gets (0, 0, 1, 0, 0, 0).
@@ -388,7 +388,7 @@ def driven(spec: Spec, channels: Sequence[Channel], scheme: Scheme) -> tuple[Cha
 
 
 def wanted_line_a2(force_mn: float, force_constant_n_per_a2: float) -> float:
-    """Return the amplitude in A² of the spectral line of i² that makes a force in mN; 0 for washers beyond any pull."""
+    """Return the amplitude in A² of the spectral line of i² that makes a force in mN; 0 for washers not pulled."""
     return force_mn * MN / force_constant_n_per_a2 if force_constant_n_per_a2 > 0 else 0.0
 
 
@@ -398,7 +398,7 @@ DEEP_SHIFTS = 2.25
 
 @lru_cache(maxsize=256)
 def _deep_frame_errors(sized: tuple[SizedChannel, ...], depth_mm: tuple[float, ...]) -> np.ndarray:
-    """Return added relative errors (n,) of resonances for roots with more frame behind them than half a rib; else 0.
+    """Return extra relative errors (n,) of resonances where a beam's root is backed by more than half a rib; else 0.
 
     Beams are sized for half a rib. The error is `DEEP_SHIFTS` times the shift that the beam model finds with the true
     depth; that covers 96 % of 53 random taxels (docs/accuracy.md).

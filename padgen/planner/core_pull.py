@@ -26,7 +26,7 @@ SNAPPED_SHARE = 0.01
 
 
 class CoreRest(NamedTuple):
-    """Equilibrium of n taxels whose magnets a core attracts: gap in µm, and stiffness left there over the beam's own.
+    """Equilibrium of n taxels whose magnets a core attracts: gap in µm, and stiffness left, as a share of the beam's.
 
     `gap_um` and `stiffness_share` are at rest; `snap_um` is the gap below which they would snap to the core,
     `least_n_per_m` the least stiffness of a spring that holds. The first three are nan for taxels that snap at once.
@@ -53,7 +53,7 @@ def snaps(rest: CoreRest | None) -> bool:
 
 
 def finite_rest(rest: CoreRest, hanging_um: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return gaps in µm and stiffness shares (n,) of `rest`, finite and small for taxels that snap to the core."""
+    """Return gaps in µm and stiffness shares (n,) of `rest`, with small values instead of nan for snapped taxels."""
     lost = np.isnan(rest.gap_um)
     gap_um = np.where(lost, SNAPPED_GAP * hanging_um, rest.gap_um)
     return gap_um, np.where(lost, SNAPPED_SHARE, rest.stiffness_share)
@@ -62,7 +62,7 @@ def finite_rest(rest: CoreRest, hanging_um: np.ndarray) -> tuple[np.ndarray, np.
 def snapping_message_and_cures(
     spec: Spec, sites: Sequence[Site], gap_um: np.ndarray, stiffness: np.ndarray, rest: CoreRest
 ) -> tuple[str, list[dict[str, Any]]]:
-    """Return a sentence on the mover that snaps most easily to its core and the gap from which none does, and cures."""
+    """Return a sentence (which mover snaps to its core most easily, the gap from which none does) and the cures."""
     gap_mm = float(spec.coil.gap_mm)
     worst = int(np.argmax(rest.least_n_per_m / stiffness))
     away = [site.coil_distance_mm for site in sites]

@@ -114,7 +114,7 @@ UNUSUAL_TRIED = 3
 
 
 def named_breakdown(spec: Spec, error: SolverError, planned: Callable[[Cure], Any]) -> SolverError:
-    """Return an error naming the first field whose usual value makes the plan computable; `error` if none does.
+    """Return an error naming the first field that, set to its usual value, makes the plan computable; else `error`.
 
     Usual is what the template pad-32 has; fields are tried in the order of their ratio to that, the largest first.
     """

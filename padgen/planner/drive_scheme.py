@@ -145,7 +145,7 @@ def switch_brake(tau_s: np.ndarray, ramp_s: float, scheme: Scheme) -> Brake:
 
 
 class _Switched(NamedTuple):
-    """One coil that switches its taxels from frame to frame, to compute the ON over OFF contrast of its frames.
+    """Switching of one coil's taxels from frame to frame, with methods for the ON/OFF contrast of the frames.
 
     `steady` is the energy of an OFF taxel by steady tones, over that of an ON one.
     """
@@ -182,7 +182,7 @@ class _Switched(NamedTuple):
         return self._lowest_contrast_db(on, off), self._lowest_contrast_db(last_on**2, last_off**2)
 
     def _lowest_contrast_db(self, on: np.ndarray, off: np.ndarray) -> float:
-        """Return the least ratio in dB of a channel's ON energy to another's OFF energy; a lone channel's to its own.
+        """Return the least ratio in dB of one channel's ON energy to another's OFF energy (its own if it is alone).
 
         Energies are (n,); `steady` is added to those when OFF.
         """
@@ -210,7 +210,7 @@ RATE_STEP = 1e-3
 
 
 def frame_contrasts(channels: Sequence[Channel], sets: int, selectivity: Selectivity) -> tuple[FrameRate, ...]:
-    """Return how fast frames can follow each other with every drive scheme, and their ON over OFF contrast then.
+    """Return, for each drive scheme, how fast frames can follow each other and the ON/OFF contrast at that rate.
 
     The contrast is None where the selectivity with a scheme is not known. The rates that keep a contrast are looked for
     with the chosen scheme alone.
@@ -508,7 +508,7 @@ def _worst_db(sets: Sequence[Channels], scheme: Scheme, modes: Iterable[ModalTax
 
 
 def _resonators(spec: Spec, planned: Sequence[Channel], kind: str) -> Channels:
-    """Return a coil's channels as resonators; `kind` selects equal or own pulls, printed or target resonances.
+    """Return a coil's channels as resonators; `kind` selects equal or actual pulls, and printed or target resonances.
 
     'alike': as printed, all washers pulled alike. 'placed': as printed, each washer with its own pull. 'asked': at the
     target resonances, all washers pulled alike.
@@ -644,7 +644,7 @@ COUPLED_STEPS = 3
 
 
 class CoupledEnergies(NamedTuple):
-    """Vibration energies (n,) of OFF taxels by forces from the movers of ON neighbours, over their energies when ON.
+    """Vibration energies (n,) of OFF taxels moved by forces from ON neighbours' movers, divided by their ON energies.
 
     The forces act without any current. `in_step`: neighbours of one channel move in step, as by the driver table;
     `apart`: each at a frequency of its own.
@@ -723,7 +723,7 @@ def _add_core_coupling(
     own_set: int,
     core_coupling: Callable[[Coil, Any, np.ndarray], np.ndarray],
 ) -> None:
-    """Add to `spring` in N/m the coupling of movers over one coil through its core (`neighbour_energies`)."""
+    """Add to `spring` (in N/m) how a coil's core couples the movers above that coil (see `neighbour_energies`)."""
     at = 0
     for step in steps:
         over_one = channels[(own_set + sum(map(abs, step))) % spec.coil.sets :: spec.coil.sets]
@@ -743,7 +743,7 @@ def _leakage(
     pitch_mm: tuple[float, float],
     hung: tuple[Ballast, ...],
 ) -> Leakage:
-    """Return the pulls on movers by other coils, in the order of `coils_around`, over the pull by their own coil."""
+    """Return the pulls of other coils on movers, in the order of `coils_around`, divided by that of their own coil."""
     steps = coils_around(*grid)
     at = steps * np.array(pitch_mm) * MM
     next_to = np.abs(steps).max(1) == 1
@@ -790,7 +790,7 @@ def _leak_error(
 def _foreign_coil_energies(
     spec: Spec, scheme: Scheme, channels: Sequence[Channel], steps: int
 ) -> tuple[np.ndarray, ...]:
-    """Return three energies (n,) of OFF taxels over ON, by tones, spurs and beats of a coil `steps` away as if below.
+    """Return OFF/ON energy ratios (n,) by tones, by spurs and by beats of a coil `steps` away, as if it lay below.
 
     The three are by the tones of all channels of that coil, by its pair spurs, and by twice the product of its current
     with that of the own coil, which plays all channels but the OFF one.
@@ -812,7 +812,7 @@ def _foreign_coil_energies(
 
 
 def _beat_energy(taxel: Channels, channel_set: Channels, other: Channels, scheme: Scheme, headroom: float) -> float:
-    """Return an OFF taxel's largest energy, over its ON energy, by twice the product of its and another coil's current.
+    """Return an OFF taxel's largest energy, over its ON energy, due to 2 × its coil's current × another coil's current.
 
     With tones or biased currents every two channels make a line at their sum and one at their difference; the caller
     counts the constant of biased currents. With spur-free currents the own root is at most the root of its mean square;
@@ -834,7 +834,7 @@ def _beat_energy(taxel: Channels, channel_set: Channels, other: Channels, scheme
 
 
 def _line_energy(taxel: Channels, hz: np.ndarray, rest: np.ndarray, square: np.ndarray) -> float:
-    """Return the vibration energy of a taxel under spectral lines (`selectivity.Lines`), over its energy when ON."""
+    """Return a taxel's vibration energy under spectral lines (`selectivity.Lines`), divided by its energy when ON."""
     return float((relative_energy(hz, taxel.resonance_hz[0], taxel.q[0], rest) * square).sum() / taxel.line[0] ** 2)
 
 
@@ -849,7 +849,7 @@ def coils_around(rows: int, columns: int) -> np.ndarray:
 
 
 def _surroundings(layout: Layout, steps: np.ndarray) -> list[np.ndarray]:
-    """Return for each coil in the middle of the grid a mask (k,): true for those `steps` from it that end on a coil."""
+    """Return, for each coil in the middle of the grid, a mask (k,): true where one of the `steps` ends on a coil."""
     spans = [{(-(n // 2), (n - 1) // 2), (-((n - 1) // 2), n // 2)} for n in (layout.columns, layout.rows)]
     low_high = [np.array(span) for span in product(*(sorted(span) for span in spans))]
     return [np.asarray(((steps >= span[:, 0]) & (steps <= span[:, 1])).all(1)) for span in low_high]

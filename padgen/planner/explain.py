@@ -52,7 +52,7 @@ OTHER_PARTS = 2
 
 @dataclass(frozen=True, slots=True)
 class CapacityRow:
-    """Most channels of one coil with geometrically spaced resonances in the band, for a drive scheme and level law."""
+    """The most channels that one coil can have in the band, spaced geometrically, for a drive scheme and level law."""
 
     scheme: str
     level_law: float | str
@@ -269,7 +269,7 @@ def _helps(change: Change, now: "_Printed", coils: int, asked: float) -> bool:
 
 
 def _rank(change: Change, asked: float) -> tuple[float, ...]:
-    """Return the sort key of a change: share of good prints up to `asked`, then the dB kept, then prints good for life.
+    """Return the sort key of a change: share of good prints (capped at `asked`), dB kept, share of good ones for life.
 
     Changes that are alike in this go by the coils that they need, the channels that they buy, then by their cost.
     """
@@ -281,7 +281,7 @@ def _rank(change: Change, asked: float) -> tuple[float, ...]:
 
 
 def _channels_in_band(spec: Spec) -> int:
-    """Return the most channels that band, Q and drive allow, room aside; 'auto' counts as a scheme without spurs."""
+    """Return the most channels that band, Q and drive allow, ignoring room; 'auto' counts as a scheme without spurs."""
     law = level_law(spec)
     asked_db = decibel(spec.delta_y)
     return largest_counts(spec.band_hz, spec.q_min, law, _spurless(spec), asked_db, MOST_IN_BAND)[0]
@@ -388,7 +388,7 @@ def _printed(plan: Plan) -> _Printed:
 
 
 def _limits(plan: Plan, held: int, drive: str) -> Iterator[str]:
-    """Yield in words what `held` + 1 channels per coil would break, and what the plan itself exceeds or nears."""
+    """Yield in words which limits `held` + 1 channels per coil would break, and which the plan exceeds or nears."""
     spec = plan.spec
     load = plan.load
     grid = (plan.coils.rows, plan.coils.columns)

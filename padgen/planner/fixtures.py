@@ -107,7 +107,7 @@ def coupon_groove(coupon: Plan) -> Outline:
 
 
 def _coils(plan: Plan) -> CoilGrid:
-    """Return the coil grid of a coupon: the smallest with every set of channels and the least active area."""
+    """Return the smallest coil grid for a coupon that has every set of channels and the minimum active area."""
     coils = plan.coils
     sets = len(plan.sets)
     wide, deep = (sets, 1) if coils.columns > 1 else (1, sets)

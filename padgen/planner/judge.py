@@ -106,7 +106,7 @@ def _only(level_db: float) -> str:
 
 
 def _selectivity_cures(plan: Plan) -> tuple[dict[str, Any], ...]:
-    """Return cures that may keep the asked selectivity: other drive schemes, those that take turns last, and grids."""
+    """Return cures that may reach the asked selectivity: other drive schemes (those that take turns last) and grids."""
     asked = plan.selectivity.asked_db
     schemes = sorted(plan.selectivity.schemes, key=lambda s: Scheme(s.scheme).takes_turns)
     # Turns are slow: a cure by such a scheme also lowers the asked frame rate to what the scheme reaches.
@@ -128,7 +128,7 @@ def _named(channels: Iterable[Channel]) -> str:
 
 
 def _leak(plan: Plan) -> Iterator[Finding]:
-    """Yield a warning if leakage stays too strong after re-tuning, a note if it is so by the driver table alone."""
+    """Yield a warning if leakage is too strong even after re-tuning, a note if it is so only with the driver table."""
     step = plan.reuse.leak_db
     asked = plan.selectivity.asked_db
     apart = min((db for db in plan.reuse.retuned_leaks_db if db is not None), default=None)
@@ -399,7 +399,7 @@ def _bed(plan: Plan) -> Iterator[Finding]:
 
 
 def _share_below(share: float, wanted: float) -> str:
-    """Return a share below the one that is wanted in percent, with a decimal where whole percents would be equal."""
+    """Return a share below `wanted` as percent text, with a decimal where both would round to the same percent."""
     whole = f"{share:.0%}"
     return f"{share:.1%}" if whole == f"{wanted:.0%}" else whole
 
@@ -768,13 +768,13 @@ def _unexcited(plan: Plan, all_crowds: Sequence[ParasiticMode]) -> Iterator[Find
     ]
     if silent:
         listed = ", ".join(
-            f"channel {c.index}'s at {number(c.second_mode_hz)} Hz in channel {o.index}'s slot" for c, o in silent
+            f"channel {c.index}'s at {number(c.second_mode_hz)} Hz near channel {o.index}" for c, o in silent
         )
         yield Finding(
             "note",
             "modes.near",
             _named(c for c, _ in silent),
-            f"further modes lie in other channels' slots ({listed}); the coil's pull moves them by less than"
+            f"further modes lie near resonances of other channels ({listed}); the coil moves them by less than"
             f" {number(1 / plan.spec.delta_y)} of the ON amplitude; a {plan.spec.mover.kind} glued"
             " off its place would move them more",
         )

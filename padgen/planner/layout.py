@@ -106,7 +106,7 @@ def candidates(spec: Spec, channel_limit: int) -> list[Layout]:
 
 
 def _of_any_gap_and_drive(spec: Spec) -> Spec:
-    """Return `spec` with a fixed gap and drive, on which no layout depends, so that cached layouts are shared."""
+    """Return `spec` with gap and drive set to fixed values; no layout depends on them, so cached layouts are shared."""
     coil = replace(spec.coil, gap_mm=1.0)
     drive = replace(spec.drive, scheme="auto", level_um=1.0)
     return replace(spec, coil=coil, drive=drive)
@@ -291,7 +291,7 @@ def _parts(spec: Spec) -> _Parts:
 
 
 def _margin_bound_mm(spec: Spec, parts: _Parts, layout: Layout) -> float:
-    """Return a quick upper bound in mm of a layout's smallest slack, which ignores where its washers lie."""
+    """Return a quick upper bound in mm of a layout's smallest slack; the bound ignores where the washers lie."""
     return min(slack for _, slack in _part_slacks(spec, parts, layout, Room(*_sides_mm(spec, layout))))
 
 
@@ -389,7 +389,7 @@ def taxel_site(spec: Spec, layout: Layout, centre: tuple[float, float], arrangem
 
 
 def _share_to_ring(ring_mm: float, near: np.ndarray, way: np.ndarray) -> float:
-    """Return the fraction (0 to 1) of the vector `way` that leads from point `near` to `ring_mm` off the coil axis."""
+    """Return the share (0 … 1) of vector `way` to add to point `near` so that it comes `ring_mm` from the coil axis."""
     short = ring_mm**2 - float(near @ near)
     length = float(way @ way)
     if short <= 0 or not length:
@@ -465,7 +465,7 @@ def to_cell(points: np.ndarray, channel: Channel) -> np.ndarray:
 
 
 def outline(plan: Plan, channel: Channel) -> Outline:
-    """Return the rectangle of a channel's sub-cell in the taxel's axes, to 1e-9 mm so that equal ones match."""
+    """Return the rectangle of a channel's sub-cell in the taxel's axes, rounded to 1e-9 mm for exact comparison."""
     cosine, sine = TURNS[channel.site.along]
     dx, dy = (c - o for c, o in zip(channel.site.centre_mm, channel.site.origin_mm, strict=True))
     x = cosine * dx + sine * dy

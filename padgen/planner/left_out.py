@@ -97,7 +97,7 @@ class FrameAround(NamedTuple):
 
 
 def flexibility_bounds(plan: Plan, clamping: str) -> np.ndarray:
-    """Return bounds (n,) of resonances' relative shifts by the flexible frame; inf near or above its lowest mode.
+    """Return bounds (n,) on resonances' relative shifts by the frame's compliance; inf near or above its lowest mode.
 
     `clamping` is a name in `SUPPORTS`: how the pad is held. The resonance is the peak of the taxel's own response.
     """
@@ -244,7 +244,7 @@ LISTED = 4
 
 
 def left_out(plan: Plan) -> tuple[LeftOut, ...]:
-    """Return all physical effects: left out of the plan with a bound (largest first), left out without one, included.
+    """Return all physical effects: those left out with a bound (largest first), left out without one, and included.
 
     Each bound is of the channel where it is largest.
     """
@@ -281,7 +281,7 @@ def left_out(plan: Plan) -> tuple[LeftOut, ...]:
 
 
 def _plastic(material: Material) -> Iterator[LeftOut]:
-    """Yield how moisture and the plastic's stiffness in vibration change resonances: bounded, unbounded or included."""
+    """Yield two effects on resonances, moisture and dynamic stiffness, each marked bounded, unbounded or included."""
     for term, ratio, is_planned_by in (
         ("moisture", material.wet_ratio, material.wet),
         ("modulus at the frequency of use", material.dynamic_ratio, material.dynamic),
@@ -352,14 +352,14 @@ def _size(entry: LeftOut) -> float:
 
 
 def _worst_channel(term: str, of: str, channels: Sequence[Channel], bound: np.ndarray) -> LeftOut:
-    """Return the entry of an effect for the channel with the largest `bound` (n,)."""
+    """Return a `LeftOut` entry for the effect `term`, bounded by its largest `bound` (n,) among the channels."""
     at = int(np.argmax(bound))
     largest = float(bound[at]) if isfinite(bound[at]) else None
     return LeftOut(term, largest, "1", f"{of} of channel {channels[at].index}", computed=False)
 
 
 def _inertia(plan: Plan) -> LeftOut:
-    """Bound the resonance error from the beams' own mass, left out of the beam model; for solids the solver's error."""
+    """Bound the resonance error by the mass of beams, which the beam model neglects; for solids, the solver's error."""
     plate = PlateShape(plan.plate.length_mm, plan.plate.width_mm, plan.plate.thickness_mm)
     material = plan.spec.material
     channels = plan.channels
@@ -439,7 +439,7 @@ def _common_radius(radius: np.ndarray, other: float, apart: np.ndarray) -> np.nd
 
 
 def _moving_area(arrangement: Arrangement, channel: Channel) -> tuple[float, ...]:
-    """Return areas in m² of a taxel's moving parts, mean square and largest motion over the washer's, window diagonal.
+    """Return two areas of a taxel's moving parts, mean square and largest motion (washer's = 1), and window diagonal.
 
     The figures are the area of blocks and beams and that of the blocks alone in m², the mean square and the largest
     motion, and the diagonal of the window in m.
@@ -470,7 +470,7 @@ def _moving_area(arrangement: Arrangement, channel: Channel) -> tuple[float, ...
 
 
 def _far_modes(plan: Plan) -> Iterator[LeftOut]:
-    """Bound the relative error of OFF amplitudes from the modes that `heard_modes` drops, with all other channels on.
+    """Bound how much OFF amplitudes rise, relatively, by modes that `heard_modes` neglects, with all other channels on.
 
     The error is relative; by Cauchy's inequality for each component.
     """
@@ -514,7 +514,7 @@ def _magnetic(plan: Plan) -> Iterator[LeftOut]:
 
 
 def _leads(plan: Plan, channels: Sequence[Channel]) -> LeftOut:
-    """Bound the current that the tracks between a board's coils and its pins cost at a given voltage."""
+    """Bound the relative loss of coil current, at a given voltage, by the resistance of tracks from coils to pins."""
     coil = plan.spec.coil
     hz = np.array([channel.drive_hz for channel in channels])
     alone = np.abs(impedance(coil.resistance_ohm, coil.inductance_mh * MH, hz))
@@ -524,7 +524,7 @@ def _leads(plan: Plan, channels: Sequence[Channel]) -> LeftOut:
 
 
 def _coupled_coils(plan: Plan, channels: Sequence[Channel]) -> LeftOut:
-    """Bound the current that all other coils, alike and in phase, induce in the one in the middle, over its own."""
+    """Bound the current that all other coils, driven in phase, induce in the middle one, divided by its own current."""
     spec = plan.spec
     coils = plan.coils
     coil = coil_source(spec.coil)
@@ -571,7 +571,7 @@ USUAL_REMANENCE = 0.25
 
 
 def _remanence(plan: Plan, channels: Sequence[Channel]) -> Iterator[LeftOut]:
-    """Bound the forces by remanent magnetisation over each channel's wanted force, with all channels on.
+    """Bound the force by remanent magnetisation, divided by each channel's wanted force, with all channels on.
 
     Plain tones make each a line at half the resonance, which the selectivity counts where the spec plans with it
     (`drive.remanent_share`); where it does not, the bound is of the usual share. A constant current makes the
@@ -635,7 +635,7 @@ def _motion_effects(plan: Plan, channels: Sequence[Channel]) -> Iterator[LeftOut
 
 
 def _pulled(plan: Plan, channels: Sequence[Channel]) -> tuple[np.ndarray, np.ndarray]:
-    """Bound relative errors (n,) of force and resonance that come from taking pulls at the gap without current.
+    """Return two bounds (n,): on relative errors of force and resonance from taking pulls at the gap without current.
 
     In fact the mean pull draws a washer nearer, until the spring balances it, and the washer swings about that place.
     There the slope of the pull over the gap (of force and lever) softens the spring. Infinite where nothing balances.
@@ -655,7 +655,7 @@ def _pulled(plan: Plan, channels: Sequence[Channel]) -> tuple[np.ndarray, np.nda
     modes = [TaxelModes(np.array(c.modes_hz), np.array(c.mode_motions)) for c in channels]
 
     def on_mode(nearer_um: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return pulls at gaps less `nearer_um` over planned ones, errors of slope per µm and curvature per µm²."""
+        """Return pull / planned pull at gaps reduced by `nearer_um`, errors of its slope per µm, curvature per µm²."""
         at = site_pulls(spec, sites, np.maximum(gap_um - nearer_um, gap_um / LEAST_GAP))
         share = working_mode_ratios(modes, site_wrenches(spec, at, sites))
         return at.pull * share / here, at.slope_off * unsure * UM, at.bend_off * unsure * UM**2

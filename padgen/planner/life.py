@@ -72,7 +72,7 @@ def planned_life(plan: Plan, design: Design, quick: bool = False) -> Life:
 
 
 def keeps_for_life(plan: Plan) -> bool:
-    """Return whether enough of a plan's prints keep what is asked for life, by as few prints as leave no doubt."""
+    """Return whether enough prints keep the asked selectivity when aged, warmer or colder, by few simulated prints."""
     asked = plan.spec.print_share
     design = design_of(plan, None)
     few = few_pads(design)
@@ -123,7 +123,7 @@ def _at_both_ends(plan: Plan, design: Design, pads: int, least_share: float) -> 
 
 
 class _Judged(NamedTuple):
-    """Prints (pads,) after temperature change and ageing: worst coil's ON over OFF energy, and which are good."""
+    """Prints (pads,) after temperature change and ageing: ON / OFF energy of each one's worst coil; which are good."""
 
     ratio: np.ndarray
     good: np.ndarray
@@ -149,12 +149,12 @@ def _shift(spec: Spec, change_k: float) -> float:
 
 
 def _with_planned_modes(design: Design) -> Design:
-    """Return `design` for faster simulation: other modes have in every print the effect that they have in the plan."""
+    """Return `design` changed for speed: modes other than the working one act in every print as they do in the plan."""
     return design._replace(modes=(None,) * len(design.coils))
 
 
 def _largest_change_k(plan: Plan, design: Design, pads: int) -> float:
-    """Return the largest temperature change in K, in steps of `STEP_K`, that the asked share of prints bears; else 0.
+    """Return the largest change in K, up or down, in steps of `STEP_K`, that the asked share of prints bears, else 0.
 
     Both warmer and colder. It is looked for near what few prints bear with other modes as they are in the plan.
     """

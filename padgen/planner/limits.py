@@ -57,7 +57,7 @@ Cures = tuple[dict[str, Any], ...]
 
 
 class MovingTaxel(NamedTuple):
-    """A taxel of `channel` that moves at the share `level` of its ON level; its coil's mean i² is `square_a2` in A².
+    """A taxel of `channel` moving at `level` times its ON level; its coil's mean square current is `square_a2` in A².
 
     For a force in proportion to the current itself, which has no mean, it is 0.
     """
@@ -88,14 +88,14 @@ def linear_deflection_um(channel: Channel, square_a2: float) -> float:
 
 
 def pull_in_share(spec: Spec, channel: Channel, square_a2: float) -> float:
-    """Return the mean pull on a washer for a mean square current, over the pull at which it snaps to the coil."""
+    """Return the mean pull on a washer at a mean square current, divided by the pull at which it snaps to the coil."""
     gap_um = float(hanging_gap_um(spec, channel.sag_um))
     _, largest_um = pull_in_deflection(gap_um, max(channel.pull_exponent, 0.0))
     return linear_deflection_um(channel, square_a2) / largest_um
 
 
 def _resting_um(spec: Spec, one: MovingTaxel) -> float:
-    """Return a mover's static deflection in µm by weight and mean pull; if it snaps, by weight and the whole gap.
+    """Return a mover's static deflection in µm: sag by weight plus deflection by mean pull, or by the gap if it snaps.
 
     A magnet's includes the deflection by the core's pull at rest.
     """
@@ -124,13 +124,13 @@ def _at_finger_um(channel: Channel) -> float:
 
 
 def lower_level(spec: Spec, share: float) -> Cures:
-    """Return the cure that multiplies the spec's level by `share`; empty if that is below the least allowed level."""
+    """Return the spec change that multiplies the level by `share`; empty if that is below the least allowed level."""
     level_um = float(at_most(spec.drive.level_um * share))
     return ({"drive.level_um": level_um},) if level_um >= SMALLEST_LEVEL_UM else ()
 
 
 def _more_room(spec: Spec, travel_mm: float) -> Cures:
-    """Return cures for a travel that takes too much of the gap: wider gaps and lower levels."""
+    """Return spec changes for a travel that takes too much of the gap: wider gaps and lower levels."""
     gaps = [float(at_least(3 * travel_mm * factor)) for factor in GAPS_TRIED]
     wider = [{"coil.gap_mm": gap_mm} for gap_mm in gaps if spec.coil.gap_mm < gap_mm <= LARGEST_GAP_MM]
     return (*wider, *lower_level(spec, LOWER), *lower_level(spec, 0.1))
@@ -240,7 +240,7 @@ def exceeded(spec: Spec, demand: Demand) -> Iterator[Exceeded]:
 
 
 def most_asked(limit: Limit, spec: Spec, demand: Demand) -> float:
-    """Return the largest value of a limit's quantity in `demand`, over all taxels; minus infinity if none moves."""
+    """Return a limit's quantity in `demand`: the largest of all taxels if it is per taxel, -inf if none moves."""
     if limit.of_taxels:
         return max((limit.asked(spec, one) for one in demand.moved), default=-inf)
     return limit.asked(spec, demand)
@@ -259,7 +259,7 @@ def _magnet_rise_k(spec: Spec) -> float:
 
 
 def _thicker_magnets(spec: Spec) -> Cures:
-    """Return cures for a magnet that is too warm: thicker ones, which demagnetise themselves less."""
+    """Return spec changes for a magnet that gets too warm: thicker magnets, which demagnetise themselves less."""
     magnet = spec.magnet
     if magnet is None:
         return ()

@@ -184,7 +184,7 @@ ROOT = Path(__file__).parents[1]
 
 
 def make_plan(spec: Spec, tries_cures: bool = True) -> Plan:
-    """Plan the pad of `spec`; its findings name tried cures only with `tries_cures`, which takes a third of the time.
+    """Plan the pad of `spec`; with `tries_cures` (a third of the run time) findings name spec changes that were tried.
 
     Raises
     ------
@@ -202,20 +202,20 @@ def make_plan(spec: Spec, tries_cures: bool = True) -> Plan:
 
 @strict_arithmetic()
 def with_cures(spec: Spec, choice: Choice) -> Plan:
-    """Return the plan of a `choice` for the asked `spec`; its findings keep only cures that were tried and work."""
+    """Return the plan of a `choice` for the asked `spec`; its findings suggest only spec changes tried with success."""
     return with_tried_cures(_finite(finish(choice)), partial(_planned_with, spec, choice))
 
 
 @strict_arithmetic()
 def _without_cures(choice: Choice) -> Plan:
-    """Return the plan of a `choice`, whose findings have no cures."""
+    """Return the plan of a `choice`, its findings without suggested spec changes."""
     plan = _finite(finish(choice))
     return with_verdict(plan, tuple(replace(finding, cures=()) for finding in plan.findings))
 
 
 @strict_arithmetic()
 def _planned_with(spec: Spec, choice: Choice | None, cure: Cure) -> Plan:
-    """Return the plan of the asked `spec` with the fields of `cure`, from few simulated prints.
+    """Return the plan of the asked `spec` with the changes in `cure` applied, judged by only few simulated prints.
 
     What the spec leaves open is searched for anew, as it will be for who follows the cure. Where `cure` only changes
     the mount or the printer's bed, the beams of `choice` are kept. Without a `choice`, the plan is that of the first
@@ -243,7 +243,7 @@ def choose(spec: Spec) -> Choice:
 
 
 def _searched(spec: Spec, quick: bool = False, most: int | None = None) -> Choice | None:
-    """Return the first layout with sized beams if `quick`, else the best (None if its movers snap); None if none fits.
+    """Return the best layout, or the first if `quick`, with sized beams; None if none fits or the best's movers snap.
 
     Where at most `most` are tried, the choice is returned without its runners-up.
     """
@@ -348,7 +348,7 @@ class _Round(NamedTuple):
 def _best(
     rank: Iterator[Choice], for_cure: bool, known: Driven | None = None, overloaded: bool = False
 ) -> tuple[Choice, bool]:
-    """Return the first choice of `rank` whose prints work as asked and True, else that with the most that work.
+    """Return the first of `rank` with the asked share of working prints, and True; else that with the most, and False.
 
     In the second case prints of few choices are simulated, `for_cure` none but those of the first round: what is asked
     of a cure is whether it works, not how well. Choices that exceed a limit of the coils count only if all do: then
@@ -367,7 +367,7 @@ def _best(
 
 
 def _lasting(works: Choice, later: Iterator[_Unsized], for_cure: bool = False) -> Choice:
-    """Return the choice that `works`, or another without errors that also keeps what is asked for life.
+    """Return `works` if its prints keep the asked selectivity for life, else the first of `later` whose prints do.
 
     The others are of the layouts `later` in rank. Where some with a drive and reuse do not last, no others with that
     and as many channels per coil are judged: what a pad loses when its resonances drift depends on how near they are.
@@ -433,7 +433,7 @@ def _has_errors(choice: Choice) -> bool:
 def _first_that_works(
     rank: Iterator[Choice], judged_by: _Round, tried: list[tuple[Choice, ChoiceFigures]]
 ) -> Choice | None:
-    """Return the first choice of `rank`, then of bent beams, whose prints work; append the others to `tried`.
+    """Return the first choice, of `rank` or then with bent beams, whose prints work; append failed ones to `tried`.
 
     Pads that were judged for an automatic drive are not judged again for that drive by its name, nor hopeless ones
     (`NO_HOPE_DB`, `MOST_FAR_SHORT`).
@@ -729,7 +729,7 @@ def _assemble(choice: Choice, channels: tuple[Channel, ...], selectivity: Select
 
 
 def _taxels(layout: Layout, coils: CoilGrid, channels: tuple[Channel, ...], turned: str) -> tuple[Taxel, ...]:
-    """Return all taxels, coil by coil from the first row; the last coils have the empty places, one each."""
+    """Return all taxels, coil by coil from the first row; any surplus sub-cells stay empty, one over each last coil."""
     sets = channel_sets(channels, coils.sets)
     full = layout.coils - layout.surplus
     taxels = []

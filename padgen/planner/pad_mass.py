@@ -313,7 +313,7 @@ def _tray_parts(plan: Plan, tray: Tray) -> Iterable[RigidBody]:
     down = -top
 
     def at(height: float) -> float:
-        """Return the height in m from the pad's underside (negative) of a `height` in m above the tray's bottom."""
+        """Convert a `height` in m above the tray's bottom to one above the pad's underside (negative: below it)."""
         return height + down
 
     half_x = pad.width_mm / 2 * MM
@@ -340,7 +340,7 @@ def _tray_parts(plan: Plan, tray: Tray) -> Iterable[RigidBody]:
 
 
 def _within_rim(low: float, high: float, half: float, border: float) -> tuple[float, float]:
-    """Return a slot's span `low` … `high` in m, cut to the tray's rim beyond ±`half` where the slot crosses the rim."""
+    """Return a slot's span `low` … `high` in m; if it passes ±`half`, only the part of it in the tray's rim beyond."""
     if low < -half:
         return max(low, -half - border), -half
     if high > half:

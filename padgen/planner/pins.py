@@ -71,7 +71,7 @@ def pushed(pin: Pin, model: TaxelModel) -> Pin:
     closed_mm = pin.closed_mm
 
     def force_n(way_mm: float) -> tuple[float, float]:
-        """Return the two forces in N that push the pin down by `way_mm`: until the mover meets the coil, and beyond."""
+        """Return both parts in N of the push that moves the pin by `way_mm`: until the mover meets the coil, and on."""
         before = min(way_mm, closed_mm) * MM / free.way_m
         after = max(way_mm - closed_mm, 0.0) * MM / held.way_m if held.way_m > 0 else 0.0
         return before, after

@@ -197,7 +197,7 @@ class Pin:
 
     @property
     def load_lever(self) -> float:
-        """Effective motion of the top over the mover's, up-down and sideways (by `SIDEWAYS`), as skin loads it."""
+        """Motion of the top as skin loads it, divided by the mover's: vertical and (weighted) sideways combined."""
         return float((self.lever**2 + SIDEWAYS * self.sway**2) ** 0.5)
 
 
@@ -330,7 +330,7 @@ class SchemeFigures:
 
     @property
     def reached_db(self) -> float:
-        """Worst-state selectivity in dB, the lower of equal and actual pulls on washers; -inf where one is missing."""
+        """Worst-state selectivity in dB: the lower of those for equal and for actual pulls; -inf if one is missing."""
         if self.all_states_db is None or self.placed_all_states_db is None:
             return float("-inf")
         return min(self.all_states_db, self.placed_all_states_db)
@@ -371,7 +371,7 @@ class Selectivity:
 
     @property
     def kept_db(self) -> float | None:
-        """Worst-state selectivity in dB, the lower of equal and actual pulls on washers; None for one channel."""
+        """Worst-state selectivity in dB: the lower of those for equal and for actual pulls; None for one channel."""
         if self.all_states_db is None or self.placed_all_states_db is None:
             return None
         return min(self.all_states_db, self.placed_all_states_db)
@@ -453,7 +453,7 @@ class Reuse:
 
     @property
     def most_leak_db(self) -> float | None:
-        """Distance in dB of the worst leakage, made larger by its error, below the ON level; None without leakage."""
+        """Level of the worst leakage, with its error added, in dB below the ON level; None without leakage."""
         return None if self.leak_db is None else self.leak_db - decibel(1 + self.leak_error)
 
 
@@ -681,11 +681,11 @@ class Recoil:
 
     @property
     def lost_db(self) -> float:
-        """Selectivity in dB that recoil costs the worst image when taxels' signs balance the pad; 0 if unknown."""
+        """Selectivity in dB lost by recoil in the worst on/off image, with balancing signs of motion; 0 if unknown."""
         return 0.0 if self.clamped_db is None or self.signed_db is None else self.clamped_db - self.signed_db
 
     def kept_db(self, db: float, moving_db: float | None) -> float:
-        """Return the selectivity in dB that recoil leaves of `db`, by adding the energy it gives OFF taxels.
+        """Return what is left of a selectivity of `db` in dB when recoil adds energy to the OFF taxels.
 
         `moving_db` is the figure of the moving pad: `in_step_db`, `apart_db` or `signed_db`.
         """
@@ -886,7 +886,7 @@ class Plan:
 
 
 def channel_sets(channels: Sequence[Channel], sets: int) -> tuple[tuple[Channel, ...], ...]:
-    """Split channels between the sets that alternate from coil to coil: every `sets`-th channel goes to one set."""
+    """Split channels among the sets that alternate from coil to coil, dealing them out to the `sets` sets in turn."""
     return tuple(tuple(channels[k::sets]) for k in range(sets))
 
 
@@ -1106,7 +1106,7 @@ def scheme_for(spec: Spec, resonance_hz: np.ndarray) -> Scheme:
 
 
 def worst_set_db(spec: Spec, resonance_hz: np.ndarray, mass: np.ndarray, scheme: Scheme) -> float:
-    """Return the worst-state selectivity in dB of the worst of the spec's sets, which take channels (n,) in turn."""
+    """Return the lowest worst-state selectivity in dB of the channel sets, to which channels (n,) are dealt in turn."""
     level = level_law(spec)(resonance_hz)
     sets = spec.coil.sets
     dealt = (slice(k, None, sets) for k in range(sets))

@@ -78,7 +78,7 @@ class ChannelSpread:
 
 @dataclass(frozen=True, slots=True)
 class Gain:
-    """Increases of the shares of good pads and taxels (0 … 1), and in dB of the pads' median selectivity."""
+    """Increases of the share of good pads, of good taxels (0 … 1) and of the pads' median selectivity in dB."""
 
     pads: float
     taxels: float
@@ -87,7 +87,7 @@ class Gain:
 
 @dataclass(frozen=True, slots=True)
 class Cost:
-    """Loss of yield by one cause of print errors: the gains without it, all other errors drawn alike."""
+    """Loss of yield by one cause of print errors: what is gained if it is absent and all other errors stay the same."""
 
     spread: str
     sigma: float

@@ -351,7 +351,7 @@ def work_per_pad(design: Design) -> float:
 
 
 def leaked_energy(plan: Plan) -> np.ndarray:
-    """Return the energy (2, n) of an OFF taxel of each channel by leakage of other coils, over its energy when ON.
+    """Return each channel's energy (2, n) when OFF, from leakage of other coils, divided by its energy when ON.
 
     The first row is for all coils in step, as by the driver table, the second for re-tuned coils, each at its own
     frequencies. Both take the other coils' tones to lie at the taxel's resonance, while they only come near it.
@@ -364,7 +364,7 @@ def leaked_energy(plan: Plan) -> np.ndarray:
 
 
 def _other_modes(plan: Plan) -> tuple[np.ndarray, dict[int, ModalTaxels]]:
-    """Return the energy (n,) of OFF taxels by other modes than the working one, over that when ON, and these modes.
+    """Return OFF taxels' energy (n,) by modes other than the working one, divided by their ON energy, and these modes.
 
     These are by the index of the channel, of those that hear more than their working mode.
     """
@@ -400,7 +400,7 @@ class _PrintedModes(NamedTuple):
         return self.modes.responses
 
     def energy(self, rows: slice, frequency: np.ndarray, rest: np.ndarray | float = 0.0) -> np.ndarray:
-        """Return taxels' felt energy (rows, lines) at line frequencies over that at their own tones; ignores `rest`.
+        """Return taxels' felt energy (rows, lines) at spectral lines, divided by that at their tones; ignore `rest`.
 
         It is written out with one division, since most of the time of judging prints goes into it.
         """
@@ -461,14 +461,14 @@ def ratio_spread(design: Design, spreads: Spreads) -> float:
 
 
 def detuning_sigmas(design: Design, spreads: Spreads) -> tuple[float, ...]:
-    """Return sigmas of ln(resonance/tone) of the worst channel with nothing, a coupon, some or all taxels measured."""
+    """Return the worst channel's sigmas of ln(resonance/tone) if nothing, a coupon, some taxels or all are measured."""
     square = (np.array(astuple(replace(spreads, **{IN_EVERY_PRINT: 0.0})))[:, None] * design.weight) ** 2
     known = (), OF_A_PRINT, (*OF_A_PRINT, "field_z_mm"), NAMES
     return tuple(float(square[[name not in some for name in NAMES]].sum(0).max() ** 0.5) for some in known)
 
 
 class Ratios(NamedTuple):
-    """Resonances (or tones) `x`, pulls and quality factors `q` over the planned ones; `q` is None where as planned."""
+    """Ratios to the plan: of resonances or tones `x`, of pulls, and of quality factors `q` (None if as planned)."""
 
     x: np.ndarray
     pull: np.ndarray
@@ -483,7 +483,7 @@ class Drift(NamedTuple):
 
 
 class Drifted(NamedTuple):
-    """Prints some time after re-tuning (taxels, pads): ln of resonance over that at re-tuning, ln of Q over the plan's.
+    """Prints some time after re-tuning (taxels, pads): ln(resonance / that when re-tuned) and ln(Q / planned Q).
 
     Q was the same when they were re-tuned, so that their lines follow it.
     """
@@ -493,7 +493,7 @@ class Drifted(NamedTuple):
 
 
 class Drawn(NamedTuple):
-    """Random print errors: ln of printed over planned resonance, and ln of printed over planned pull.
+    """Random print errors: ln(printed / planned resonance) and ln(printed / planned pull).
 
     The rows of both (3, taxels, pads) are the error common to a print, this with the field (which leaves pulls as they
     are), and this with each taxel's own error.
@@ -553,7 +553,7 @@ def _field(design: Design, rng: np.random.Generator, pads: int) -> np.ndarray:
 
 @lru_cache(maxsize=8)
 def _waves(places_mm: tuple[float, ...], length_mm: float) -> np.ndarray:
-    """Return a factor W (n, k) of the covariance ``W Wᵀ`` = exp(−d²/length²) of places (n,) at distances d.
+    """Return W (n, k) so that ``W Wᵀ`` is the covariance exp(−d²/length²) between places (n,) at distances d.
 
     The waves stand on nodes a sixth of the length apart, or on the places themselves if these are fewer: each wave
     takes a random number for every pad.
@@ -832,7 +832,7 @@ def quantile_error(rising: np.ndarray, share: float) -> float:
 
 
 def pads_until_sure(work_of_pad: float, error_share: float | None = None, error_db: float = 0.0, pads: int = 0) -> int:
-    """Return how many pads to simulate: at first or, given the errors after `pads` pads, until errors are small."""
+    """Return how many pads to simulate: for a first estimate or, given its errors after `pads` pads, for a sure one."""
     first, most = (int(max(limit / work_of_pad, FEWEST)) for limit in (WORK, MOST_WORK))
     if error_share is None:
         return min(PADS, first)

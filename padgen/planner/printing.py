@@ -156,7 +156,7 @@ DEEP_MM = 0.6
 
 
 def _wall_transition_angle(spec: Spec) -> str:
-    """Return the angle of walls in degrees up to which the slicer changes from one line to two.
+    """Return the largest wedge angle in degrees at which the slicer changes a wall from one printed line to two.
 
     With its usual 10 it lays two lines in walls round a recess where only one has room, which make plates with deep
     recesses 5 to 10 % heavy; with 59 some plates with flat recesses come out 1 % light (docs/printing.md).

@@ -158,7 +158,7 @@ search starts from that: of 200 random bands two lost 0.2 and 0.4 dB and the oth
 
 
 def _stepped(hz: float, whole: Callable[[float], int]) -> float:
-    """Return a frequency rounded to a whole logarithmic step by `whole` (`floor` or `ceil`)."""
+    """Return a frequency rounded down or up to the grid of logarithmic steps, as `whole` is `floor` or `ceil`."""
     return exp(whole(log(hz) / STEP) * STEP)
 
 
@@ -514,7 +514,7 @@ def most_channels_tried(scheme: Scheme) -> int:
 def largest_counts(
     band_hz: tuple[float, float], q: float, law: LevelLaw, scheme: Scheme, target_db: float, most: int = LARGEST
 ) -> tuple[int, int]:
-    """Return the most channels of a coil that keep `target_db` in all on/off states, and with one channel on at a time.
+    """Return two counts: most channels per coil that keep `target_db` in all on/off states, and with one on at a time.
 
     The channels have equal masses, on a geometric ladder from one end of the band to the other. Up to `most` channels
     are tried; with spurs, in all states, up to `LARGEST_WITH_SPURS`.
@@ -563,7 +563,7 @@ def printed_count(
     followed: float,
     missed: float = 0.0,
 ) -> int:
-    """Return the most channels with which a `share` of the printed pads keeps `target_db`, on a geometric ladder.
+    """Return the most channels, on a geometric ladder of resonances, with which a `share` of prints keeps `target_db`.
 
     At most `LARGEST_PRINTED` are tried. Computed by `padgen.physics.selectivity.print_share`. `followed` is the sigma
     of ln f of a taxel that its re-tuned tone follows, `missed` the sigma that the tone does not follow.
@@ -582,7 +582,7 @@ def printed_count(
 
 
 def largest_that_holds(holds: Callable[[int], bool], low: int, high: int, near: int | None = None) -> int:
-    """Return the largest count from `low` to `high` for which `holds`, true at `low`, is true; it changes at most once.
+    """Return the largest count in `low` … `high` for which `holds` is true; it is true at `low`, changes at most once.
 
     Steps from `near`, up where that holds and else down, double until a count answers otherwise, and then halve: the
     work grows with the square of a count or faster. A guess is often off by one or two: the first two steps from it are

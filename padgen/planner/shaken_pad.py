@@ -51,7 +51,7 @@ BASES_G = (50.0, 100.0, 200.0, 400.0, 800.0, 1600.0, 3200.0, 6400.0)
 
 
 class ImageAmplitudes(NamedTuple):
-    """Smallest ON and largest OFF amplitude of each image, each over the same taxel's planned amplitude when ON."""
+    """Smallest ON and largest OFF amplitude in each on/off image, divided by the same taxel's planned ON amplitude."""
 
     on: np.ndarray
     off: np.ndarray
@@ -148,7 +148,7 @@ class ShakenPad:
         return np.asarray(self.pull * coils[..., self.coil_of])
 
     def signs(self, levels: np.ndarray, kept: np.ndarray | None = None, turn: float | None = None) -> np.ndarray:
-        """Return signs (n,) for taxels of an image of `levels` (n,) with which their recoils cancel best; 0 for OFF.
+        """Return signs of motion (n,) for taxels at `levels` (n,), so that their recoils cancel best; 0 for OFF taxels.
 
         Those of one tone balance each other in what its taxels hear of the pad. Signs that are `kept` (n,), not 0, stay
         where their taxels are ON and others would not help enough (`padgen.physics.recoil.balanced_signs`).
@@ -198,7 +198,7 @@ class ShakenPad:
         return ImageAmplitudes(np.where(shown != 0, on, np.inf).min(-1), off)
 
     def _coil_mates(self, taxels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return all pairs (m,) of taxels over one coil: the first's index in `taxels` (i,), the second's number."""
+        """Return pairs (m,) of taxels over the same coil: one's index in `taxels` (i,), the other's on the pad."""
         by_coil = np.argsort(self.coil_of, kind="stable")
         sorted_coils = self.coil_of[by_coil]
         begin, end = (np.searchsorted(sorted_coils, self.coil_of[taxels], side) for side in ("left", "right"))
@@ -222,7 +222,7 @@ class ShakenPad:
 
 
 def random_images(count: int, images: int, seed: int = 33) -> np.ndarray:
-    """Return random images (images, count) of 0 and 1, each with one to all but one of the taxels ON."""
+    """Return random images (images, count) of 0 and 1; in each, at least one taxel is ON and at least one OFF."""
     rng = np.random.default_rng(seed)
     levels = np.zeros((images, count))
     for image in levels:
@@ -271,7 +271,7 @@ def planned_recoil(plan: Plan, prints: Prints) -> Recoil:
 
 
 def recoil_energy(plan: Plan) -> float:
-    """Return the energy that recoil adds to an OFF taxel, over that of ON taxels, in the worst of random images."""
+    """Return the energy that recoil adds to an OFF taxel, divided by that of ON taxels, in the worst random image."""
     heard = _recoil_without_signs(ShakenPad(plan), IMAGES)
     if heard.apart_db is None:
         return 0.0

@@ -186,7 +186,7 @@ class SizedChannel:
 
 
 def frequency_spread(beam: BeamShape, spread: Spread, exponents: Exponents = STRAIGHT) -> np.ndarray:
-    """Return the relative sigma of ``f ∝ w^a t^b l^c``, `exponents` (a, b, c), over prints of a calibrated printer."""
+    """Return the relative sigma of ``f ∝ w^a t^b l^c`` among prints of a calibrated printer; `exponents`: (a, b, c)."""
     sigmas = spread.width_mm, hypot(spread.common_z_mm, spread.bed_field_mm, spread.thickness_mm), spread.length_mm
     terms = zip(exponents, sigmas, beam, strict=True)
     square = sum((power * sigma / np.asarray(size)) ** 2 for power, sigma, size in terms)
@@ -227,7 +227,7 @@ class Reach:
         return np.where(np.isfinite(widths), np.exp(widths), np.nan)
 
     def spread(self, width_mm: np.ndarray, spec: Spec) -> np.ndarray:
-        """Return the relative sigma of f between prints (n, T, L) at widths (n, T, L) in mm, inf where width is nan.
+        """Return the relative sigma (n, T, L) of f among prints, at widths (n, T, L) in mm; inf where the width is nan.
 
         For beams with bends the exponents are the slopes of the grid at its nearest width, and another mode within the
         half-power width of the working one adds a spread of 100 %.
@@ -429,7 +429,7 @@ def _choices(spec: Spec, reaches: list[Reach], targets: np.ndarray) -> Iterator[
 
 
 def _ranked(step: str, item: Reach, width: np.ndarray, spread: np.ndarray) -> list[tuple[float, list[Pick]]]:
-    """Return a suspension's best sets of beams that differ only in dimensions of `step`, each with its worst spread."""
+    """Return one suspension's best sets of beams that differ only in dimensions named in `step`, with worst spreads."""
     # For each value of the dimensions that all channels share, every channel takes its best value of the others.
     free = [axis for axis, name in ((1, "thickness"), (2, "length")) if name in step]
     best = spread.min(axis=tuple(free), keepdims=True) if free else spread
@@ -448,7 +448,7 @@ def _ranked(step: str, item: Reach, width: np.ndarray, spread: np.ndarray) -> li
 
 
 def _mixed(tables: list[tuple[Reach, np.ndarray, np.ndarray]]) -> Iterator[list[Pick]]:
-    """Yield the set of beams in which each channel takes the suspension of smallest spread of f, if all are reached."""
+    """Yield one set of beams, each channel with the suspension of least spread of f; nothing if one is out of reach."""
     picks: list[Pick] = []
     for i in range(len(tables[0][1])):
         item, width, spread = min(tables, key=lambda table: float(table[2][i].min()))

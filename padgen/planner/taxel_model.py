@@ -195,7 +195,7 @@ def foot_fillet_mm(spec: Spec, beam_width_mm: float) -> float:
 
 
 def _rigid_top_mm(spec: Spec) -> float:
-    """Return the height in mm over the bed of a flat-topped contactor of equal mass, lower than the top of a dome.
+    """Return the height in mm above the bed of the contactor's top, a dome replaced by a flat top of equal mass.
 
     The top of a dome lies d/6 above that of the cylinder.
     """
@@ -204,7 +204,7 @@ def _rigid_top_mm(spec: Spec) -> float:
 
 
 def _from_array(method: "Callable[[TaxelModel], np.ndarray]") -> "Callable[[TaxelModel], np.ndarray]":
-    """Wrap a method so that a taxel that belongs to an array (`member_of`) takes its entry of the array's value."""
+    """Wrap a method so that a taxel taken from an array (`member_of`) looks its value up in the array's result."""
 
     @wraps(method)
     def value(model: "TaxelModel") -> np.ndarray:
@@ -241,7 +241,7 @@ class EndRatios(NamedTuple):
 
 
 class ContactMotion(NamedTuple):
-    """Motion of a contactor over the mover's in the working mode: `lever` up and down, `sway` sideways at its top.
+    """Motion of a contactor divided by the mover's, in the working mode: `lever` vertical, `sway` sideways at its top.
 
     Under a push down on its top it has a `stiffness` in N/m; it moves sideways by `lean` times as much as down, and the
     mover follows by `mover` times as much.
@@ -289,7 +289,7 @@ class TaxelModel:
 
     @property
     def plastic_share(self) -> Any:
-        """Mass of the plastic in plate and boss over the drawn mass: 1 here, where no actual print is modelled."""
+        """Printed mass of the plastic in plate and boss, divided by the drawn mass: 1 here, as no print is modelled."""
         return 1.0
 
     @cached_property
@@ -363,7 +363,7 @@ class TaxelModel:
 
     @cached_property
     def contact(self) -> ContactMotion:
-        """Motion of one taxel's contactor: over the mover's in the working mode, and under a static push."""
+        """Motion of one taxel's contactor: as a ratio to the mover's in the working mode, and under a static push."""
         modes = self.modes
         angular = 2 * np.pi * modes.frequency_hz
         vertical = modes.at_point(self.washer_point_m)[..., 2, :]
@@ -413,7 +413,7 @@ class TaxelModel:
 
     @cached_property
     def pushes(self) -> tuple[Push1N, Push1N]:
-        """Travel and beam stress per N of push on one contactor: with free mover, and once it rests on the coil."""
+        """Travel and beam stress per N of push on one contactor: with the mover free, and with it on the coil."""
         modes = self.modes
         angular = 2 * np.pi * modes.frequency_hz
         foot, local = self._foot_motion
@@ -443,7 +443,7 @@ class TaxelModel:
         return Surroundings(frame * MM, wall * MM, depth * MM, diameter / 2 * MM, size)
 
     def beside_yoke(self, section: BeamSection) -> BeamSection:
-        """Return a beam section with the compliance of its ends, except that of the yoke at its tip."""
+        """Return `section` with the compliance of what holds its ends added, the yoke at its tip taken as rigid."""
         around = self._surroundings._replace(yoke=YokeSize(0.0, 1.0, 1.0, 0.0, 1.0))
         return on_elastic_ends(section, around, self.spec.material.poisson_ratio)
 
@@ -474,7 +474,7 @@ class TaxelModel:
     @cached_property
     @_from_array
     def compliances(self) -> np.ndarray:
-        """Static compliance (…, 6) in m/N that each mode adds to a vertical force at the washer."""
+        """Part (…, 6) in m/N that each mode contributes to the washer's static compliance under a vertical force."""
         vertical = self.modes.at_point(self.washer_point_m)[..., 2, :]
         angular = 2 * np.pi * self.modes.frequency_hz
         return vertical**2 / angular**2
@@ -500,7 +500,7 @@ class TaxelModel:
     @cached_property
     @_from_array
     def effective_mass_kg(self) -> np.ndarray:
-        """Mass (…,) of the working mode at the washer."""
+        """Effective mass (…,) in kg of the working mode, referred to the washer."""
         return self.stiffness_n_per_m / (2 * np.pi * self.resonance_hz) ** 2
 
     @cached_property
@@ -520,7 +520,7 @@ class TaxelModel:
 
     @property
     def second_mode(self) -> tuple[float, float]:
-        """Frequency in Hz and share of the static compliance of the mode nearest to the working one; for one taxel.
+        """Frequency in Hz, and share of static compliance, of one taxel's mode nearest in frequency to its working one.
 
         The share is over the working mode's, and 0 where a pull at the washer's axis does not excite the mode.
         """
@@ -547,7 +547,7 @@ class TaxelModel:
 
     @cached_property
     def exponents(self) -> Exponents:
-        """Exponents a, b, c of one taxel's ``f ∝ w^a t^b l^c``: `STRAIGHT`, or numerical where beams have bends."""
+        """Exponents a, b, c in one taxel's ``f ∝ w^a t^b l^c`` (beam width, thickness, length); numerical if bent."""
         if self.is_straight:
             return STRAIGHT
         step = np.exp(STEP * np.concatenate([np.eye(3), -np.eye(3)]))
@@ -559,7 +559,7 @@ class TaxelModel:
 
     @property
     def in_range(self) -> np.ndarray:
-        """True (…,) for straight beams within the range that the model was fitted to; elsewhere solve the solid."""
+        """True (…,) where beams are straight and their sizes are in the range that the beam model was fitted to."""
         return np.asarray(self.is_straight & within_fitted_range(*(np.asarray(side, float) for side in self.beam)))
 
     @cached_property
@@ -578,7 +578,7 @@ class TaxelModel:
     @cached_property
     @_from_array
     def sag_error(self) -> np.ndarray:
-        """Relative error (…,) within which the sag most likely lies: of modes and of the beams' weight."""
+        """Relative error (…,) within which the sag most likely lies: errors by the modes and by the beams' weight."""
         parts = np.abs(self.modes.sag_parts(self.washer_point_m))
         by_modes = (parts * STATIC * self.mode_errors).sum(-1) / parts.sum(-1)
         density = self.elastic[2]
@@ -593,7 +593,7 @@ class TaxelModel:
 
     @property
     def stress_error(self) -> float:
-        """Relative error within which one taxel's stress per displacement most likely lies; without notches."""
+        """Relative error within which one taxel's stress per displacement most likely lies, notches not counted."""
         return STATIC * float(self.error_estimate) + SHAPE_ERROR
 
     @cached_property
@@ -615,7 +615,7 @@ class TaxelModel:
     @cached_property
     @_from_array
     def hardening_per_m2(self) -> np.ndarray:
-        """Coefficient α of the working mode's force ``k z (1 + α z²)`` at the washer, by beams that stretch."""
+        """Coefficient α of the working mode's force ``k z (1 + α z²)`` at the washer, due to stretching of beams."""
         modes = self.modes
         scaled = modes.shape / (2 * np.pi * modes.frequency_hz[..., None, :])
         compliance = scaled @ np.swapaxes(scaled, -1, -2)
@@ -623,7 +623,7 @@ class TaxelModel:
 
     @cached_property
     def contact_errors(self) -> tuple[float, float]:
-        """Likely relative errors of one contactor's motion over the mover's, and of its stiffness under a push."""
+        """Likely relative errors of one contactor's lever (motion over the mover's) and of its stiffness to a push."""
         if self.spec.pin_share is None:
             return RIGID_LEVER, STATIC * float(self.error_estimate)
         contact = self.contact
@@ -637,7 +637,7 @@ class TaxelModel:
 
     @property
     def _uncertain_ends(self) -> list[EndRatios]:
-        """Variants of the beams' end compliances, one raised by its uncertainty at a time, for a pin's errors."""
+        """Factors on the beams' end compliances, in each set one raised by its uncertainty, for a pin's errors."""
         mount = "crossbar" if self.arrangement.yoke else "mount"
         return [
             EndRatios(root=1 + UNCERTAINTY["root"]),
@@ -647,7 +647,7 @@ class TaxelModel:
         ]
 
     def root_stress_pa(self, level_m: np.ndarray) -> np.ndarray:
-        """Return the largest bending stress in Pa of the beams in the working mode, for `level_m` at the washer."""
+        """Return the largest bending stress in Pa of the beams as the washer moves by `level_m` in the working mode."""
         return np.asarray(self.stress_pa_per_m * level_m)
 
 
@@ -718,12 +718,12 @@ class SolvedModel(TaxelModel):
 
     @property
     def sag_error(self) -> np.ndarray:
-        """Relative error of the sag under gravity: the beam model's, with the solved stiffness's error for its own."""
+        """Relative error of the sag under gravity: the beam model's, its stiffness error replaced by the solver's."""
         return self.beam_model.sag_error + STATIC * (self.solver_error - float(self.beam_model.error_estimate))
 
     @property
     def stress_error(self) -> float:
-        """Relative error within which the stress most likely lies, from beam-model shape and solved stiffness."""
+        """Relative error within which the stress most likely lies: shape by the beam model, stiffness by the solver."""
         beam = self.beam_model
         return beam.stress_error + 2 * (self.solver_error - float(beam.error_estimate))
 
@@ -739,7 +739,7 @@ class SolvedModel(TaxelModel):
 
     @property
     def hardening_per_m2(self) -> np.ndarray:
-        """Hardening in 1/m² by beams that stretch, from the beam model."""
+        """Hardening coefficient α in 1/m² due to stretching of the beams, from the beam model."""
         return self.beam_model.hardening_per_m2
 
     def root_stress_pa(self, level_m: np.ndarray) -> np.ndarray:
@@ -748,7 +748,7 @@ class SolvedModel(TaxelModel):
 
     @cached_property
     def contact_errors(self) -> tuple[float, float]:
-        """Relative errors of the contactor's lever and of its stiffness, taken from the beam model."""
+        """Relative errors of the contactor's motion over the mover's and of its stiffness, from the beam model."""
         return self.beam_model.contact_errors
 
     @property
@@ -767,5 +767,5 @@ def solved_model(model: TaxelModel, solved: TaxelModes, solver_error: float) -> 
 
 
 def asked_error(spec: Spec) -> float:
-    """Return the largest relative error of a finite-element resonance with which beams count as tuned to it."""
+    """Return the largest relative error that a finite-element resonance may have if beams count as tuned to it."""
     return min(FINEST, spec.model.tolerance)

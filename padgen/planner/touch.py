@@ -64,7 +64,7 @@ def _site(spec: Spec) -> str:
 
 
 def skin_spreads(spec: Spec) -> dict[str, tuple[float, float]]:
-    """Return the spread of each skin property between people: sigmas of its logarithm below and above the typical."""
+    """Return each skin property's spread between people: sigmas of its logarithm below and above the typical value."""
     people = spec.touch.people
     site = _site(spec)
     if site == "own":
@@ -100,14 +100,14 @@ def contact_of(spec: Spec, which: str = "typical", factors: Mapping[str, np.ndar
 
 
 def contactor_of(spec: Spec) -> Contactor:
-    """Return the flat disc that meets the skin: radius in m, guard's hole over that, indentation of the skin in m."""
+    """Return the flat disc that meets the skin: radius in m, guard hole's over disc's diameter, indentation in m."""
     diameter_mm = spec.contact_diameter_mm
     hole_ratio = spec.guard_hole_mm / diameter_mm if spec.guard_height_mm else inf
     return Contactor(diameter_mm / 2 * MM, hole_ratio, indentation_mm(spec) * MM)
 
 
 def indentation_mm(spec: Spec) -> float:
-    """Return how deep in mm a boss or pin at rest presses the skin in: as in the spec, else its height over the guard.
+    """Return how deep in mm a boss or pin at rest presses into skin: by the spec, else its height above the guard.
 
     The height counts up to `MOST_PRESSED_MM`. The indentation is 0 without a touch, or with neither of them.
     """
@@ -137,7 +137,7 @@ MOST_CHANNELS = 32
 
 
 def skin_figures(spec: Spec, channels: Sequence[Channel], scheme: Scheme) -> Iterator[Touched]:
-    """Yield resonances, Q and selectivity with low, typical and high skin on every taxel, at the tones of bare taxels.
+    """Yield, for low, typical and high skin on every taxel, resonances, Q and selectivity under tones for bare taxels.
 
     Only the taxels' own modes and one coil are counted.
     """
@@ -162,7 +162,7 @@ def _loaded(spec: Spec, contact: Contact, channels: Sequence[Channel]) -> Loaded
 
 
 def _kept_db(spec: Spec, channel_set: Sequence[Channel], scheme: Scheme, skin: Contact) -> float | None:
-    """Return the selectivity in dB of a touched coil: smallest ON over largest OFF level, over all its on/off states.
+    """Return a touched coil's selectivity in dB: its smallest ON level over its largest OFF level in any on/off state.
 
     None for a single channel, or for more than `MOST_CHANNELS`.
     """
@@ -189,7 +189,7 @@ HALVINGS = 40
 
 
 def _skin_load_ratio(skin: Contact, contactor: Contactor, hz: float, stiffness: float) -> float:
-    """Return skin's load on a taxel over the tolerable load: above 1, f rises by over 5 % or Q falls below 8."""
+    """Return skin's load on a taxel divided by the tolerable load: above 1, f rises by over 5 % or Q falls below 8."""
     added = skin.impedance(hz, contactor)
     stiffens = float(added.stiffness) / stiffness / STIFFENED
     return max(stiffens, 2 * pi * hz * float(added.damping) * KEPT_Q / stiffness)
@@ -356,7 +356,7 @@ def _louder(plan: Plan, below_db: float) -> Iterator[dict[str, float | str]]:
 
 
 def _softer(plan: Plan, above_db: float) -> Iterator[dict[str, float | str]]:
-    """Yield levels at which no OFF taxel would be felt, and every ON taxel still is."""
+    """Yield spec changes of level by which no OFF taxel would be felt while every ON taxel still would."""
     drive = plan.spec.drive
     yield {"drive.level_um": float(at_most(drive.level_um * 10 ** (-(above_db + MARGIN_DB) / 20)))}
     if drive.level_law != SENSATION and not drive.threshold_hz:

@@ -133,7 +133,7 @@ WIDE_HZ = 450.0
 
 
 def _nothing_found(spec: Spec, why: PadgenError, tried: Callable[[Spec, float], TouchTrial]) -> InfeasibleError:
-    """Return the error that `spec` has no pad, with a wider pad or band as cure if a first trial works there."""
+    """Return the error that no pad meets `spec`; it proposes a wider pad or band if a first trial works there."""
     is_open = frozenset(spec.touch.search.split("+"))
 
     def is_within_limits(change: Cure, place: float | str) -> bool | None:
@@ -146,7 +146,7 @@ def _nothing_found(spec: Spec, why: PadgenError, tried: Callable[[Spec, float], 
             return None
 
     def first_that_works(changes: list[Cure]) -> Cure | None:
-        """Return the first of `changes`, in rising order, that works; none after one with room, as it gets hotter."""
+        """Return the first of `changes` within all limits; None after one that can be laid out but exceeds them."""
         for change in changes:
             within = [is_within_limits(change, place) for place in COOL_PLACES]
             if True in within:
@@ -176,7 +176,7 @@ def _nothing_found(spec: Spec, why: PadgenError, tried: Callable[[Spec, float], 
 
 
 def _scored(decided: Spec, trial: TouchTrial) -> tuple[tuple[bool, float], Spec | None]:
-    """Return a tried spec's score, and that spec at the drive level it needs; `NO_PAD` where its dB are not finite."""
+    """Return a tried spec's score and the spec with the drive level it needs; `NO_PAD` if its dB are not finite."""
     if not isfinite(trial.kept_db):
         return NO_PAD
     # Out of bounds, what takes less heat is nearer to being within.

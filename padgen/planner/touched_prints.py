@@ -80,7 +80,7 @@ between them are off by 1e-6 at most."""
 
 
 def touched_channels(spec: Spec, planned: Sequence[Channel], contact: Contact | None = None) -> tuple[Channel, ...]:
-    """Return the channels as `contact` (default: typical skin) loads them: resonance, Q, and the force for each level.
+    """Return the channels with their resonance and Q under `contact` (default: typical skin), and the forces they need.
 
     Stiffness, mass, resonance and Q are those of the touched taxels, and forces and lines those that give them their
     levels by the level law. The working mode moves with them; other modes stay.
@@ -131,7 +131,7 @@ def touched_plan(plan: Plan) -> Plan:
 
 
 class TouchedPrints(NamedTuple):
-    """Simulated pads (p,) under random skins: squared ON over OFF of the worst coil, squared least level of ON taxels.
+    """Simulated pads (p,) under random skins: squared ON over OFF in each one's worst coil, squared weakest ON level.
 
     The second is over that taxel's planned level. The first is inf where nothing moves OFF taxels.
     """
@@ -144,13 +144,13 @@ class TouchedPrints(NamedTuple):
         return _reached_db(self.ratio, share) if np.isfinite(self.ratio).all() else None
 
     def errors(self, need: float, share: float) -> tuple[float, float]:
-        """Return half-widths of 95 % intervals: of the share of pads with a squared ratio of `need`, and of the dB."""
+        """Return half-widths of 95 % intervals: of the share of pads with `ratio` at least `need`, and of the dB."""
         good = float((self.ratio >= need).mean())
         kept_db, _ = rising_db(np.minimum(self.ratio, np.finfo(float).max), share)
         return share_error(good, len(self.ratio)), quantile_error(kept_db, share)
 
     def weakest_db(self, share: float) -> float:
-        """Return the level, in dB above the plan's, that the weakest ON taxel reaches in a `share` of the pads."""
+        """Return the level, in dB above planned, that the weakest ON taxel at least reaches in a `share` of pads."""
         return _reached_db(self.weakest, share)
 
 
@@ -164,7 +164,7 @@ def _reached_db(energy: np.ndarray, share: float) -> float:
 
 
 class _AddedEnergies(NamedTuple):
-    """Squared amplitudes (n,) that leakage, other modes and recoil add to OFF taxels, over those of the taxels when ON.
+    """Squared amplitudes (n,) that leakage, other modes and recoil add to OFF taxels, relative to those when ON.
 
     `leaks` (2, n) are of the coils around, driven by the table and re-tuned; `modes` is by their other modes, and
     `recoil`, one number for all channels, by the motion of the pad.
@@ -176,7 +176,7 @@ class _AddedEnergies(NamedTuple):
 
 
 def _added_energies(plan: Plan, tones: str) -> _AddedEnergies:
-    """Return what leakage, other modes and recoil add to OFF taxels' squared amplitude, under one kind of `TONES`."""
+    """Return the squared amplitudes that leakage, other modes and recoil add to OFF taxels, under tones of one kind."""
     played = touched_plan(plan).channels if tones == TONES[0] else plan.channels
     modes = np.zeros(len(plan.channels))
     for own_set, played_set in zip(plan.sets, channel_sets(played, plan.spec.coil.sets), strict=True):
@@ -325,7 +325,7 @@ class _TouchedCoil:
     def energies(
         self, skin: _Skin, tones: str, known: np.ndarray, known_pull: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return squared amplitudes of ON taxels, and of OFF ones in the worst state, over those at planned levels.
+        """Return squared amplitudes of ON taxels, and of OFF ones in the worst state, relative to planned levels.
 
         `known` and `known_pull` (taxels, pads) are the logarithms of resonance and pull that the tones follow.
         """
@@ -391,7 +391,7 @@ class _TouchedCoil:
         )
 
     def _dynamic_stiffness(self, i: int, hz: np.ndarray, contact: Contact, contactor: Contactor) -> np.ndarray:
-        """Return force over displacement in N/m of touched taxels of one channel at `hz` (k, lines, coils, pads)."""
+        """Return force over displacement in N/m of touched taxels at `hz` (kinds of line, lines, coils, pads)."""
         stiffness = self.stiffness[i] * self.x[i] ** 2
         q = self.q[i] if self.q_ratio is None else self.q[i] * self.q_ratio[i]
         omega = 2 * np.pi * hz
@@ -458,7 +458,7 @@ def planned_touch(plan: Plan, design: Design, quick: bool = False) -> Touch | No
 
 
 def _loose_db(plan: Plan, fingers: TouchedPrints) -> float | None:
-    """Return the selectivity in dB that the asked share of loose prints keeps; None if the spec says how a pad is held.
+    """Return the dB that the asked share of prints keeps while lying loose; None if the spec says how a pad is held.
 
     Every OFF taxel is taken to hear the recoil, and the weakest ON taxel of a pad to be compared with it.
     """
@@ -485,7 +485,7 @@ def played_plan(plan: Plan) -> Plan:
 
 
 def _played(spec: Spec, planned: Sequence[Channel], tones: str, in_hand_db: float) -> tuple[Channel, ...]:
-    """Return channels with the tones' frequencies as resonances, and with forces raised by `in_hand_db`.
+    """Return channels with their resonances replaced by the tones' frequencies, and with forces raised by `in_hand_db`.
 
     Their levels are those under typical skin, or where these are larger those of bare taxels under the same tones.
     """

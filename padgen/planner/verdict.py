@@ -18,7 +18,7 @@ CAUSES = ("selectivity.all_states", "coil.leak", "print.share")
 
 
 def moving_pad_db(plan: Plan) -> float | None:
-    """Return the selectivity in dB that the asked share of prints keeps as the pad recoils, re-tuned only if needed.
+    """Return the dB of ON over OFF that the asked share of prints, re-tuned only if needed, keeps as the pad recoils.
 
     It is infinite where nothing is heard, and None where prints keep less than is asked even on a pad that does not
     move.
@@ -32,7 +32,7 @@ def based_pad_db(plan: Plan) -> float | None:
 
 
 def left_by_recoil_db(plan: Plan, moving_db: float | None) -> float | None:
-    """Return the selectivity in dB that prints keep with recoil, from `moving_db`, that of an error-free print.
+    """Return the dB that prints keep with recoil, given `moving_db`, the dB of an error-free print that recoils.
 
     It is None where prints keep too little even on a pad held still.
     """
@@ -121,7 +121,7 @@ def _working(plan: Plan) -> Verdict:
 
 
 def _works_untouched(plan: Plan, only_held: bool) -> str:
-    """Return words that the pad works untouched, only so, or only held still; or that it is too faint to be felt."""
+    """Return a phrase: the pad works untouched, only untouched, or only held still; or it is too faint to be felt."""
     typical = next((touched.all_states_db for touched in plan.touched if touched.skin == "typical"), None)
     only = typical is not None and typical < plan.selectivity.asked_db
     untouched = "only untouched" if only else "untouched"

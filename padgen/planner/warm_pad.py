@@ -87,7 +87,7 @@ def planned_warmth(plan: Plan) -> Warm:
 
 
 def warm_resonance_ratio(material: Material, rise_k: np.ndarray | float) -> np.ndarray:
-    """Return a taxel's resonance with its plastic warmer by `rise_k` (negative: colder) over that at room temperature.
+    """Return a taxel's resonance with plastic `rise_k` warmer (negative: colder) divided by that at room temperature.
 
     Half the relative change of the modulus, which is a slope at room temperature.
     """
@@ -100,7 +100,7 @@ def copper_ohm(ohm: float, copper_c: float) -> float:
 
 
 def _left_by_currents(plan: Plan, cold_hz: np.ndarray, warm_hz: np.ndarray) -> np.ndarray:
-    """Return the shares (n,) of the planned levels that the cold pad's currents still give when it is warm.
+    """Return the shares (n,) of the planned levels that taxels of the warm pad reach under the cold pad's currents.
 
     A softer spring gives way more, and its resonance is no longer where the line is. Q is taken to stay.
     """
@@ -109,7 +109,7 @@ def _left_by_currents(plan: Plan, cold_hz: np.ndarray, warm_hz: np.ndarray) -> n
 
 
 def _lines_by_voltages(plan: Plan, copper_c: float) -> np.ndarray:
-    """Return ratios (n,) of the spectral lines of i² with copper at `copper_c` to those in cold copper, at equal volts.
+    """Return ratios (n,) of the spectral lines of i² with copper at `copper_c` to those with cold copper, at equal V.
 
     A line is a tone's square, or the product of a tone and the constant current; so it is for spur-free currents as far
     as their tones are small beside the constant.
@@ -129,7 +129,7 @@ def _lines_by_voltages(plan: Plan, copper_c: float) -> np.ndarray:
 
 
 def _plates_c(plan: Plan, pad_c: np.ndarray) -> np.ndarray:
-    """Return the temperatures (n, r, c) in °C of each channel's plate over the coil of each row and column of the pad.
+    """Return the temperatures (n, r, c) in °C of each channel's plate over each coil, by the coil's row and column.
 
     A plate is as warm as the cells below it are on the mean. Turned cells are the mean of both ways.
     """
@@ -154,7 +154,7 @@ def _plates_c(plan: Plan, pad_c: np.ndarray) -> np.ndarray:
 
 
 def _strip_shares(pitch_mm: float, side_mm: float, at_mm: float, long_mm: float) -> np.ndarray:
-    """Return fractions (3,) of a plate's length before, over and behind its coil, the mean of both orientations."""
+    """Return fractions (3,) of a plate's length before, above and behind its coil, the mean of cells turned and not."""
     lines_mm = np.array([-pitch_mm, -side_mm, side_mm, pitch_mm]) / 2
     within_mm = np.clip(lines_mm, at_mm - long_mm / 2, at_mm + long_mm / 2)
     shares = np.diff(within_mm) / np.ptp(within_mm)
@@ -162,7 +162,7 @@ def _strip_shares(pitch_mm: float, side_mm: float, at_mm: float, long_mm: float)
 
 
 def _coil_side_mm(plan: Plan) -> float:
-    """Return the side in mm of a square of the coil's area, kept just smaller than its cell."""
+    """Return the side in mm of a square as large in area as the round coil, but smaller than the coil's cell."""
     round_mm = plan.spec.coil.outer_diameter_mm * sqrt(pi) / 2
     return min(round_mm, 0.98 * min(plan.coils.pitch_x_mm, plan.coils.pitch_y_mm))
 

@@ -217,7 +217,7 @@ def draw_points(axis: Any, points: Points, figure: Figure) -> None:
 
 
 def draw_rows(axis: Any, panel: Panel, figure: Figure) -> None:
-    """Draw marks in rows, each with its span behind it and its sigma to both sides."""
+    """Draw marks in rows, each with a bar for its span behind it and an error bar of one sigma to both sides."""
     for series in panel.marks:
         colour = colour_of(series.role, figure.channels)
         left = [first for first, _ in series.spans]

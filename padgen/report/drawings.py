@@ -220,7 +220,7 @@ def _in_cell(plan: Plan, channel: Channel) -> dict[str, list[Points]]:
 
 
 def pad_corners(plan: Plan, grow: float = 1.0) -> Points:
-    """Return the corners (4, 2) of the pad, or with `grow` 0 of its active area."""
+    """Return the corners (4, 2) of the active area widened by `grow` times the border: of the whole pad by default."""
     pad = plan.spec.pad
     x, y = (side / 2 + grow * pad.border_mm for side in (pad.width_mm, pad.depth_mm))
     return rectangle(-x, x, -y, y)

@@ -388,7 +388,7 @@ def application(work: Work, token: str, port: int) -> Any:
         return json_line(work.progress())
 
     def text_of(answer: Answer) -> str:
-        """Return the text of an answer; raise its error."""
+        """Return the text of an answer, or raise the error that it holds."""
         if answer.error:
             raise answer.error
         return str(answer.value)

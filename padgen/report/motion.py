@@ -51,7 +51,7 @@ class CoilLines(NamedTuple):
     makers: tuple[tuple[int, ...], ...]
 
     def energy(self, plan: "Plan", channel_set: Sequence[Channel], modes: ModalTaxels) -> np.ndarray:
-        """Return the squared felt amplitude (taxels, lines) of each taxel under each line, over that when it is ON."""
+        """Return the squared felt amplitude (taxels, lines) of each taxel under each line, relative to that when ON."""
         part = Lines(self.hz[None], self.rest[None], self.square[None], ())
         return line_energy(placed_channels(plan.spec, channel_set), part, modes)[:, 0]
 

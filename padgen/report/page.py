@@ -192,7 +192,7 @@ def _badge(plan: Plan) -> str:
 
 
 def _figures(plan: Plan) -> list[dict[str, str]]:
-    """Return the four key figures of the page's first screen: selectivity, that under a finger, heat and outputs."""
+    """Return the four key figures of the page's first screen: dB kept by prints, dB under a finger, heat, outputs."""
     is_touched = plan.touch is not None
     of_what = plan.spec.touch.prints_text
     prints = plan.prints
@@ -286,7 +286,7 @@ def _channel(plan: Plan, index: int) -> dict[str, Any]:
 
 
 def _taxels(plan: Plan) -> dict[str, list]:
-    """Return the taxels' data as a list for each column, in a third of the bytes of a table for each taxel."""
+    """Return the taxels' data as one list per column, which takes a third of the bytes of one table per taxel."""
     grid = taxel_grid(plan)
     pixel = {int(grid[row, column]): (int(row), int(column)) for row, column in np.argwhere(grid >= 0)}
     return {

@@ -50,7 +50,7 @@ MOST_PICTURES = 4
 def driven_text(
     plan: "Plan", driven: "Driven", frames: "np.ndarray | None", notes: Sequence[str], verbose: bool = False
 ) -> str:
-    """Return how a drive's files came out, the verdict on the pad, what they play, and what a simulated pad hears."""
+    """Return text on how a drive's files came out, the verdict, what they play, and how a simulated pad moves."""
     from padgen.driver.frames import frames_text, map_text, taxel_grid
 
     heard = driven.heard
@@ -157,7 +157,7 @@ def _wave_text(report: "WaveReport") -> str:
 
 
 def _heat_text(times: float) -> str:
-    """Write a ratio of two heats for a sentence, to two digits: 'N times as much as', or 'as much as' for 1."""
+    """Return a ratio of two heats as words, to two digits: 'N times as much as', or 'as much as' for 1."""
     return "as much as" if about(times) == "1" else f"{about(times)} times as much as"
 
 
@@ -353,7 +353,7 @@ def retuned_text(plan: "Plan", result: "Retuned", verbose: bool = False) -> str:
 
 
 def _kept_texts(result: "Retuned", unmeasured: int) -> tuple[str, str]:
-    """Return the end of a sentence with the dB that the worst coil keeps re-tuned, and a line on how sure these are.
+    """Return the end of a sentence on the dB that the worst coil keeps re-tuned, and a line on how sure these dB are.
 
     Where taxels are unmeasured, what 95 of 100 such prints keep comes first: the figure itself takes these as planned.
     """
@@ -406,7 +406,7 @@ def _refusal_text(refusal: "RefusedVariants") -> str:
 
 
 def counts_text(event: "Event | SweepResult") -> str:
-    """Return the counts of variants done and failed, and of those refused and left if there are any."""
+    """Return the counts of variants done and failed, and of those refused and those still to do if there are any."""
     counts = [f"{event.done} done", (f"{event.refused} refused" if event.refused else ""), f"{event.failed} failed"]
     return ", ".join(count for count in [*counts, (f"{event.left} left" if event.left else "")] if count)
 

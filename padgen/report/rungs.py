@@ -60,7 +60,7 @@ def marks_of(study: "Study") -> list[RungMark]:
 
 
 def marks_read(table: Mapping[str, Any]) -> list[RungMark]:
-    """Return a point of error and run time for each model of a ``study.json`` that has both, in each fineness.
+    """Return a point for each model and fineness of a ``study.json`` that has both an error and a run time.
 
     Raises
     ------

@@ -111,7 +111,7 @@ class _LaidBeam(NamedTuple):
 
 
 def check_gcode(plan: Plan, path: Path) -> LaidReport:
-    """Judge every pad of `plan` as the G-code in a file lays it; the figures are those of the best match.
+    """Judge each copy of the pad of `plan` that a G-code file lays; the figures are those of the best match.
 
     Raises
     ------
@@ -344,7 +344,7 @@ def _range(values: np.ndarray) -> str:
 
 
 def _beam_findings(plan: Plan, beams: list[list[_LaidBeam]], wrong: Wrong) -> Iterator[Finding]:
-    """Find faults of beams: missing beams, pieces and layers, wrong thickness and widths."""
+    """Yield findings on faults of beams: missing beams, pieces or layers, and wrong thickness or width."""
     each = [
         (channel.beam, f"{plan.taxels[taxel].id}{f' beam {k + 1}' if len(channel_beams) > 1 else ''}", beam, at)
         for channel, channel_beams in zip(plan.channels, beams, strict=True)
@@ -390,7 +390,7 @@ def _beam_findings(plan: Plan, beams: list[list[_LaidBeam]], wrong: Wrong) -> It
 
 
 def _of_taxels(plan: Plan, laid: LaidPad, plastic: np.ndarray, wrong: Wrong) -> Iterator[Finding]:
-    """Find faults of gaps, recesses and plates, taxel by taxel."""
+    """Yield findings on faults of gaps, recesses and plates, taxel by taxel."""
     ids = np.array([t.id for t in plan.taxels])
     washer = plan.spec.washer_or_magnet
     plate = plan.plate

@@ -343,7 +343,7 @@ class TaxelMap:
         return np.concatenate(runs), at[:, 0] * self.shape[1] + at[:, 1]
 
     def _gaps(self, void: np.ndarray, away: np.ndarray, places: np.ndarray, gap_mm: float) -> None:
-        """Set measuring points along the middle of each gap, and each near pixel's point, side, and distance from it.
+        """Set measuring points along the middle of each gap and, for each pixel near one, its point, side and distance.
 
         A gap has its two bodies on opposite sides, unlike a corner where a beam meets frame or plate.
         """
@@ -443,7 +443,7 @@ class PadMaps:
         return column, row, (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
 
     def looked_up(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the plan's taxel, the place in its axes and the map pixel at points (n, 2) in mm on the pad.
+        """Return, for points (n, 2) in mm on the pad, the taxel, the place in that taxel's axes, and the map pixel.
 
         The taxel is −1 where there is none; the place (n, 2) is measured from the washer.
         """
@@ -461,7 +461,7 @@ class PadMaps:
         return taxel, along, self.first[channel] + at[0] * shape[1] + at[1]
 
     def from_gap_mm(self, taxel: np.ndarray, along: np.ndarray, pixel: np.ndarray) -> np.ndarray:
-        """Return distances (n,) in mm of points, as `looked_up` returns them, from the middle of the nearest gap."""
+        """Return distances (n,) in mm from the middle of the nearest gap, for points as `looked_up` returns them."""
         pixel_mm = self.pixel_mm[self.channel[taxel]][:, None]
         x, y = ((along - self.corner[taxel]) % pixel_mm - pixel_mm / 2).T
         outward = self.outward[pixel]
@@ -688,7 +688,7 @@ def _of_layers(
 
 
 def _find_pads(maps: PadMaps, layers: Iterator[Layer], where: str) -> tuple[list[Placing], Layer, float, float]:
-    """Find the pads by their lowest layer; return places, layer, its thickness in mm, and its laid over planned volume.
+    """Find the pads by their lowest layer; return places, layer, its thickness in mm, and its laid/planned volume.
 
     The fullness is the plastic of that layer within the first pad's taxels over the plan's there.
     """
@@ -865,7 +865,7 @@ def _off_centre(start: np.ndarray, stop: np.ndarray, half_mm: np.ndarray) -> np.
 
 
 def _largest_difference(maps: PadMaps, middles: list[np.ndarray], plan: np.ndarray, laid: np.ndarray) -> float:
-    """Return the largest share of a sub-cell, or of the border, at which laid and planned plastic differ.
+    """Return the largest share of the area of any sub-cell, or of the border, where laid and planned plastic differ.
 
     They differ where plastic is laid in a planned window, or is missing where it is planned.
 

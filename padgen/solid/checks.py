@@ -461,7 +461,7 @@ def _narrow_gaps(places: list[tuple[int, NarrowSpot]], printer: Printer) -> Iter
 
 
 def _lowest(places: list[tuple[int, NarrowSpot]]) -> Iterator[tuple[int, NarrowSpot]]:
-    """Yield of several places above one another only the lowest."""
+    """Yield only the lowest of places that lie above one another."""
     seen: set[tuple[int, int]] = set()
     for index, place in places:
         near = round(place.x_mm / APART_MM), round(place.y_mm / APART_MM)

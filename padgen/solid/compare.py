@@ -128,7 +128,7 @@ class Cells(NamedTuple):
         return reached
 
     def room(self, reached: np.ndarray) -> Any:
-        """Return the space over and under the `reached` cells as a manifold."""
+        """Return a manifold3d solid that fills the `reached` cells at all heights, far above and below the pad."""
         import manifold3d
 
         x, y = (np.concatenate([[-OUTSIDE_MM], edges, [OUTSIDE_MM]]) for edges in (self.x_mm, self.y_mm))

@@ -44,7 +44,7 @@ NEAR_MM = 0.05
 
 
 class Dimension(NamedTuple):
-    """One measured dimension, where it is, as planned and as built, in mm (nan where it was not found).
+    """A dimension of a finished mesh: place, name, planned and measured size in mm (nan if it could not be measured).
 
     The triangles of a round face may change it by `facets_mm`.
     """
@@ -70,7 +70,7 @@ class _Gauge(NamedTuple):
 
 
 def measured(plan: Plan, solid: Any, taxels: Sequence[Taxel] | None = None) -> Iterator[Dimension]:
-    """Yield planned and measured sizes of beams, recess and boss of `taxels`, by default all, on a manifold of the pad.
+    """Yield planned and measured sizes of beams, recess and boss on the pad's solid, of `taxels` (default: of all).
 
     Each ray runs until it meets a face. Rays go sideways from within a beam (its width and place), above the beam
     along its path to both ends (length), onto the beam from below and above (thickness), and up into the recess
@@ -177,7 +177,7 @@ def _section_gauges(path: BeamPath, points: list[PathPoint], lowest_block: float
 
 
 def _length_gauge(name: str, path: BeamPath, height: float, pin: Pin | None) -> _Gauge:
-    """Return the rays that measure a beam's length: to frame and plate, `height` mm above the bed, clear of the pin.
+    """Return the gauge of a beam's length: rays towards frame and plate, `height` mm above the bed, that miss the pin.
 
     They start within the first and the last segment, near their ends where a pin stands in the way. A straight ray
     leaves an arc, so on an arc it starts close to the arc's end.
@@ -206,7 +206,7 @@ def _all_clear(path: BeamPath, k: int, sign: int, share: float, pin: Pin | None)
 
 
 def _worst(runs: list[float], planned: float, span: float, one: float, other: float) -> float:
-    """Return the size in mm farthest from `planned`; pairs a, b of `runs` give ``span + one * a + other * b``."""
+    """Return the size in mm farthest from `planned`, of ``span + one * a + other * b`` for pairs a, b of `runs`."""
     sizes = [span + one * a + other * b for a, b in zip(runs[::2], runs[1::2], strict=True)]
     return max(sizes, key=lambda size: abs(size - planned) if isfinite(size) else inf)
 
@@ -219,7 +219,7 @@ def _opening_mm(plan: Plan) -> float:
 
 
 def _recesses(plan: Plan, solid: Any, share: float, taxels: Sequence[Taxel]) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Yield outline (n, 2) and centroid (2,) in mm of each taxel's recess, cut at a `share` of its depth, or nan."""
+    """Yield each taxel's recess, cut at a `share` of its depth: outline (n, 2) and centroid (2,) in mm, nan if none."""
     outlines = holes_of(solid, plan.plate.recess_depth_mm * share)
     sides = [(outline + np.roll(outline, -1, axis=0), _crosses(outline)) for outline in outlines]
     centroids = [(both * crosses[:, None]).sum(0) / (3 * crosses.sum()) for both, crosses in sides]
@@ -266,7 +266,7 @@ SPLINTER_SHARE = 0.05
 
 
 class NarrowSpot(NamedTuple):
-    """A wall, gap, span or skin that breaks a print limit: the middle of its place in mm, and its area in mm²."""
+    """Where a wall, gap, bridged span or thin horizontal skin breaks a print limit: centre in mm and area in mm²."""
 
     x_mm: float
     y_mm: float
@@ -289,14 +289,14 @@ def sections(solid: Any, mesh: Mesh) -> list[tuple[float, Any]]:
 
 
 class _Part(NamedTuple):
-    """Material, or empty space, at a height in mm, as much of it as matters: what is lost counts within `core` only."""
+    """A region of material or of empty space in a cross-section; only narrow places inside `core` count (None: all)."""
 
     z_mm: float
     shape: Any
     core: Any = None
 
     def narrower_than(self, limit_mm: float) -> "tuple[list[NarrowSpot], _Part]":
-        """Return the places that are narrower than a limit, and as much as decides what is narrower than a lower one.
+        """Return the places narrower than a limit, and the rest region to search with a smaller limit.
 
         Lost is what does not come back when the shape is shrunk by half of the limit and grown again. A corner that
         shrinks and grows reaches no farther than twice the limit.
@@ -338,7 +338,7 @@ def _part_of(section: tuple[float, Any], gaps: bool) -> _Part:
 def narrow_places(
     cuts: Sequence[tuple[float, Any]], gaps: bool, bound_mm: float, limit_mm: float = 0.0
 ) -> tuple[float | None, list[tuple[int, NarrowSpot]]]:
-    """Return the width in mm of the narrowest wall, or gap, in any of the cuts, and all places narrower than a limit.
+    """Return the smallest wall width (with `gaps`: gap width) in mm in the cuts, and places narrower than `limit_mm`.
 
     The width is None where none is below `bound_mm`, else right within half of a step of `bound_mm` / `WIDTH_STEPS`.
     With each place comes the index of its cut. A cut is looked at as a whole once; smaller widths are looked for only
@@ -394,7 +394,7 @@ def longest_unsupported_span(solid: Any, mesh: Mesh, bound_mm: float) -> tuple[f
 
 
 def _beyond(hanging: Any, below: Any, span_mm: float) -> Any:
-    """Return what of a cross-section is farther than half of a span from the material beneath."""
+    """Return the part of the cross-section `hanging` farther than `span_mm` / 2 from the material `below` it."""
     from manifold3d import JoinType
 
     return hanging - below.offset(span_mm / 2, JoinType.Round, 2.0, 64)
@@ -434,7 +434,7 @@ def _where(shape: Any, z_mm: float) -> NarrowSpot:
 
 
 def _bisect(narrower: Callable[[float], bool], bound_mm: float) -> tuple[float, float]:
-    """Return two widths, 0.2 % of `bound_mm` apart, between which `narrower` turns true; twice the bound if nowhere."""
+    """Return widths, 0.2 % of `bound_mm` apart, where `narrower` is false and true, or (`bound_mm`, `bound_mm`)."""
     if not narrower(bound_mm):
         return bound_mm, bound_mm
     low = 0.0

@@ -106,7 +106,7 @@ def welded(vertices_mm: np.ndarray, triangles: np.ndarray, tolerance_mm: float =
 
 
 def group_indices(counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return for each item of successive groups of `counts` items its group's index and its place in the group, from 0.
+    """Return, for items in successive groups of sizes `counts`, each item's group index and its index in its group.
 
     >>> group_indices(np.array([2, 0, 3]))
     (array([0, 0, 2, 2, 2]), array([0, 1, 0, 1, 2]))
@@ -116,7 +116,7 @@ def group_indices(counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def sound_mesh(vertices_mm: np.ndarray, triangles: np.ndarray, where: str, weld: bool = True) -> Mesh:
-    """Return arrays read from file `where` as a valid mesh; with `weld`, join corners within `FILE_WELD_MM`.
+    """Return vertices and triangles read from file `where` as a checked mesh, with `weld` its corners joined.
 
     Raises
     ------
@@ -176,7 +176,7 @@ which wider columns are tried."""
 
 
 class Topology(NamedTuple):
-    """A mesh's number of open, non-manifold or miswound edges, a vertex of the first, `shells` (1 if good), and volume.
+    """A mesh's number of faulty edges, a vertex of the first faulty one, number of connected shells, and volume.
 
     Each edge of a good mesh joins two triangles that agree which side is out: it is closed, without a faulty edge.
     """
@@ -260,7 +260,7 @@ def intersecting_pairs(mesh: Mesh) -> np.ndarray:
 
 
 def _overlapping(low: np.ndarray, high: np.ndarray) -> Iterator[np.ndarray]:
-    """Yield pairs (P, 2) of triangles with overlapping bounding boxes, by a million candidates; some pairs twice."""
+    """Yield arrays of pairs of triangles whose bounding boxes overlap, in batches; a pair may occur more than once."""
     owner, partners = _columns(low, high)
     if partners.sum() > MANY_PAIRS * len(low) + MOST_PAIRS:
         raise GeometryError("too many of its triangles lie over each other for all of them to be compared")
@@ -280,7 +280,7 @@ def _overlapping(low: np.ndarray, high: np.ndarray) -> Iterator[np.ndarray]:
 
 
 def _columns(low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return triangle indices sorted by grid column, and how many following ones each is to be compared with.
+    """Return triangle indices sorted by grid column, and for each how many of those after it to compare it with.
 
     A column holds about a dozen triangles. Columns are wider where many triangles span several columns, since each
     pair would meet in all of them.

@@ -191,7 +191,7 @@ class PadSolid:
 
 
 class SampleShifts(NamedTuple):
-    """Translations in mm, by column and row of coils, from places in a `PadSample` to the same places in the whole pad.
+    """Shifts in mm, one for each column and each row of coils, from a place in a `PadSample` to that in the whole pad.
 
     `columns_mm` and `rows_mm` are the sample's coordinates at which its second, third … column and row of coils begin;
     the shifts, one per column and row, are added to reach the place in the pad.
@@ -257,7 +257,7 @@ def _of_tiles(
 
 
 def sampled(plan: Plan, pad: PadSolid) -> PadSample:
-    """Return the pad without the rows and columns of coils that only repeat their neighbours.
+    """Return a smaller pad, of which the rows and columns of coils that only repeat their neighbours are left out.
 
     Every dimension that can be measured on the pad can be measured on this sample.
     """
@@ -306,7 +306,7 @@ def _unrepeated(kinds: Sequence[bytes]) -> list[int]:
 
 
 def tile_grid(plan: Plan) -> np.ndarray:
-    """Return the channel of the taxel in each sub-cell, (rows, columns) from lower left; channel count where empty."""
+    """Return the taxel's channel in each sub-cell (rows, columns) from lower left; in empty ones the channel count."""
     places = taxel_places(plan)
     channel = np.array([taxel.channel for taxel in plan.taxels])
     return np.where(places < 0, len(plan.channels), channel[places])
@@ -362,7 +362,7 @@ def assembled_pad_mesh(plan: Plan, tiles: Sequence[Tile], border: Tile, grid: np
 
 
 def _open_seams(mesh: Mesh, half_x: float, half_y: float, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Drop a tile's triangles on its four sides, where it joins its neighbours.
+    """Return what joins a tile to its neighbours: vertex mask, lattice steps, and triangles without its four sides.
 
     Return a mask of the vertices that are not on its corner edges, the step (V, 3) to the lattice point of those that
     are (0 or 1 per axis), and the triangles that stay.
@@ -377,7 +377,7 @@ def _open_seams(mesh: Mesh, half_x: float, half_y: float, z: np.ndarray) -> tupl
 
 
 def _open_border(mesh: Mesh, x: np.ndarray, y: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return each border vertex's index among the grid's tile corners (-1 if none), and triangles off the inner sides.
+    """Return each border vertex's index among tile corners (-1 if not one), and triangles without the inner sides.
 
     Those of the inner sides, where tiles join, are dropped.
     """

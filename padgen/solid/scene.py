@@ -116,7 +116,7 @@ def _from_cell(points: np.ndarray, channel: Channel) -> np.ndarray:
 
 
 def mode_heights(arrangement: Arrangement, channel: Channel, points_mm: np.ndarray) -> np.ndarray:
-    """Return vertical displacements (n,) of points (n, 3) in a taxel's working mode, relative to the washer's.
+    """Return vertical displacements (n,) of points (n, 3) in a taxel's working mode, divided by the washer's.
 
     Points are in mm in the taxel's own axes. Plate, washer and boss move as one body, by the mode's translation and
     rotations; the frame is at rest; between them a beam is drawn as the cubic curve that meets both without a kink.
@@ -298,7 +298,7 @@ def _on_top(tracks: Sequence[Track]) -> manifold3d.CrossSection:
 
 
 def _ribbon(track: Track) -> np.ndarray:
-    """Return the outline (n, 2) of a track in mm; its ends are cut square, half its width beyond where it ends."""
+    """Return the outline (n, 2) of a track in mm; square ends reach half its width past its start and end points."""
     points = np.array([track.start_mm, track.end_mm])
     if track.middle_mm is not None:
         centre = complex(*arc_centre(track.start_mm, track.middle_mm, track.end_mm))

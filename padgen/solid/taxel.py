@@ -130,7 +130,7 @@ def _beam(path: BeamPath, fillet: float) -> Any:
 
 
 def _side(path: BeamPath, side: float, start: float) -> list[Any]:
-    """Return the lines and arcs `side` mm to the left of a path, without its first `start` mm."""
+    """Return the CAD edges, lines and arcs, `side` mm to the left of a path, from `start` mm along it to its end."""
     b = build123d()
     edges = []
     for k, segment in enumerate(path.segments):
@@ -204,7 +204,7 @@ def _disc(diameter: float, x: float, low: float, high: float) -> Any:
 
 
 def _prism(ballast: Ballast, x: float, low: float, high: float) -> Any:
-    """Return the ballast's solid, its bore filled, from `low` to `high` mm; a hexagon's corners point across x."""
+    """Return the ballast's solid without bore, `low` to `high` mm above the bed; a hexagon has corners towards ±y."""
     b = build123d()
     if ballast.shape == "round":
         return _disc(ballast.width_mm, x, low, high)

@@ -61,7 +61,7 @@ def numbers(
 def choice(
     default: Any = MISSING, *, of: tuple[str, ...] | Callable[[], tuple[str, ...]], doc: str, what: str = "choice"
 ) -> Any:
-    """Return a dataclass field for one of the words `of`: a tuple, or a function called late, as plugins may add some.
+    """Return a dataclass field for one of the words in `of`, a tuple or a function that is called at each check.
 
     A refused word is called `what`, which tells what is chosen where the field's name does not.
     """

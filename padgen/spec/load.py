@@ -229,7 +229,7 @@ def _scheme_rules(spec: Spec) -> Iterator[Rule]:
 
 
 def _mover_rules(spec: Spec) -> Iterator[Rule]:
-    """Yield the rules of the part that the coil moves: a magnetic washer, a magnet's remanence bounds and ballast."""
+    """Yield the rules of the part that the coil moves: a washer is magnetic, a magnet's remanence and ballast fit."""
     if washer := spec.washer:
         yield Rule(
             washer.relative_permeability >= MAGNETIC,
@@ -286,7 +286,7 @@ def _sound_card_rules(spec: Spec) -> Iterator[Rule]:
 
 
 def _ballast_rules(spec: Spec) -> Iterator[Rule]:
-    """Yield the rules of ballast: its bore, thickness and span of the roof over it, no centre post in the recess."""
+    """Yield the rules of ballast: bore below width, no centre post, the roof over it thick and narrow enough."""
     ballast = spec.ballast
     if ballast is None:
         return
@@ -326,7 +326,7 @@ def _ballast_rules(spec: Spec) -> Iterator[Rule]:
 
 
 def _flatter_ballast(spec: Spec, top_mm: float, widest_mm: float = inf) -> list[dict[str, Any]]:
-    """Return a spec change to propose, or none: the heaviest ballast with top up to `top_mm`, width to `widest_mm`."""
+    """Return the change to the heaviest ballast that is at most `widest_mm` wide and ends by `top_mm`; [] if none."""
     fitting = {}
     for name in catalogue("ballast"):
         ballast = _catalogue_entry("ballast", name, OWN)
@@ -577,7 +577,7 @@ LARGEST_CURVE = 1 << 20
 
 
 def with_threshold(drive: DriveTable, folder: Path) -> DriveTable:
-    """Return `drive` with two lists, the detection thresholds over frequency that the CSV `threshold_file` holds.
+    """Return `drive` with the frequencies and detection thresholds of its CSV file `threshold_file` as two lists.
 
     Raises
     ------
@@ -658,7 +658,7 @@ SEARCHED = ("mover", "magnet", "washer", "coil", "ballast", "suspension", "conta
 
 
 def _with_search_parts(touch: TouchTable, given: set[str], kind: str) -> TouchTable:
-    """Return `touch` with "auto" in `search` replaced by the names of the parts that the spec does not give, or "none".
+    """Return `touch` with a `search` of "auto" replaced by the names of the parts to search for, or by "none".
 
     `given` are the names that the spec has, `kind` is the mover's.
     """
@@ -671,7 +671,7 @@ def _with_search_parts(touch: TouchTable, given: set[str], kind: str) -> TouchTa
 
 
 def still_searched(parts: Sequence[str], given: Collection[str]) -> str:
-    """Return `touch.search` with the `parts` that a spec does not give; "none" if it gives resonances or a grid."""
+    """Return the `parts` that a spec does not give, joined by "+"; "none" if it gives resonances or the coil grid."""
     if {"resonances_hz", "coil.grid"} & {*given}:
         return "none"
     of_mover = {"mover", "magnet", "washer"} if {"magnet", "washer"} & {*given} else set()
@@ -683,7 +683,7 @@ OWN_CONTACT = ("k_n_per_m", "c_n_s_per_m", "m_g")
 
 
 def _touch_rules(spec: Spec) -> Iterator[Rule]:
-    """Yield the rules of touch: searched parts exist, and figures of an own contact are complete and cover the band."""
+    """Yield the rules of touch: searched parts exist; figures of a user's contact are complete and cover the band."""
     touch = spec.touch
     hz = touch.hz
     given = [name for name in ("hz", *OWN_CONTACT) if getattr(touch, name) is not None]
@@ -1176,7 +1176,7 @@ WIDER_THAN_ANY_MM = 1e6
 
 
 def _of_nozzle(printer: dict[str, Any]) -> dict[str, Any]:
-    """Return default fields of a printer: those of the catalogue's nearest in nozzle size, scaled to its nozzle.
+    """Return default fields of a printer: those of the catalogue printer nearest in nozzle size, scaled to its nozzle.
 
     What is no nozzle or process is refused where the field is read.
     """

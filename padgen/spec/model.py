@@ -147,7 +147,7 @@ class Material:
 
     @property
     def modulus_gpa(self) -> float:
-        """Elastic modulus in GPa that plans use: at the resonances if `dynamic`, of a print that is damp if `wet`."""
+        """Young's modulus in GPa that plans use: times `dynamic_ratio` if `dynamic`, times `wet_ratio` if `wet`."""
         dynamic = self.dynamic_ratio or 1.0
         wet = self.wet_ratio or 1.0
         return self.youngs_modulus_gpa * (dynamic if self.dynamic else 1.0) * (wet if self.wet else 1.0)
@@ -926,7 +926,7 @@ class Spec:
 
     @property
     def drive_devices(self) -> tuple[tuple[str, Amplifier | SoundCard], ...]:
-        """The devices between computer and coils that the spec names, each with the word for its kind."""
+        """Pairs (kind, device) of the amplifier and sound card that the spec names; kind is the word for it."""
         named = (("amplifier", self.amplifier), ("sound card", self.sound_card))
         return tuple((word, device) for word, device in named if device is not None)
 

@@ -66,7 +66,7 @@ class CoupledSystem:
         return 2 * np.pi * self.frequency_hz
 
     def slopes(self, z_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return dL/dz in H/m (twice the pull per A²) and d²L/dz² in H/m² for washers at z (n, k)."""
+        """Return dL/dz in H/m (twice the pull per A²) and d²L/dz² in H/m², at washer displacements z (n, k)."""
         m = self.exponent[:, None]
         gap = self.gap_m[:, None]
         near = 1 / (1 - z_m / gap)
@@ -74,7 +74,7 @@ class CoupledSystem:
         return slope, slope * near * m / gap
 
     def inductance(self, z_m: np.ndarray) -> np.ndarray:
-        """Return L in H (k,) of washers at z (n, k)."""
+        """Return the coil's inductance in H (k,) at k instants, for n washers at displacements z (n, k) in m."""
         m1 = self.exponent[:, None] - 1
         log = -np.log1p(-z_m / self.gap_m[:, None])
         grown = np.where(m1 == 0, log, np.expm1(m1 * log) / np.where(m1 == 0, 1, m1))
@@ -110,7 +110,7 @@ class CoupledMotion(NamedTuple):
 
 
 class Collocation(NamedTuple):
-    """A collocation rule on [0, 1]: points (s,), integrals (s, s), weights (s,), map to Legendre coefficients.
+    """A collocation rule of s points on [0, 1]: points, integration matrix, weights, matrix to Legendre coefficients.
 
     Integrals are from 0 to the points; `to_legendre` takes stage values to Legendre coefficients.
     """
@@ -125,7 +125,7 @@ class Collocation(NamedTuple):
         return np.asarray(stages @ (legendre.legvander(2 * at - 1, len(self.points) - 1) @ self.to_legendre).T)
 
     def integrated(self, stages: np.ndarray, at: np.ndarray) -> np.ndarray:
-        """Return integrals (…, k), in step lengths, 0 to points (k,), of the polynomials through `stages` (…, s)."""
+        """Return integrals (…, k) of the polynomials through `stages` (…, s), from 0 to points (k,) in [0, 1]."""
         return np.asarray(stages @ (_integrals(at, len(self.points)) @ self.to_legendre).T)
 
 
@@ -149,7 +149,7 @@ def make_system(
     resistance_ohm: float = 0.0,
     inductance_h: float = 1.0,
 ) -> CoupledSystem:
-    """Make a `CoupledSystem` of arrays or numbers: frequency, Q, mass, gap, L above 0; pull, exponent, R at least 0."""
+    """Make a `CoupledSystem` from arrays or numbers: pull, exponent and resistance at least 0, all others above 0."""
     given = (frequency_hz, q, mass_kg, pull_n_per_a2, exponent, gap_m)
     resonance_hz, quality, mass, pull, power, gap = np.broadcast_arrays(
         *(np.atleast_1d(np.asarray(v, float)) for v in given)
@@ -283,7 +283,7 @@ def _steps(
 def scipy_motion(
     system: CoupledSystem, source: Source, time_s: np.ndarray, method: str = "DOP853", tolerance: float = 3e-14
 ) -> np.ndarray:
-    """Return displacements, velocities and current (2n + 1, k) from rest, driven by a voltage, by scipy."""
+    """Return n displacements, n velocities and the current (2n + 1, k), solved by scipy from rest under a voltage."""
     from scipy.integrate import solve_ivp
 
     n = len(system.gap_m)
@@ -315,7 +315,7 @@ def radau(stages: int) -> Collocation:
 
 
 def _integrals(at: np.ndarray, count: int) -> np.ndarray:
-    """Return integrals (k, count) of the shifted Legendre polynomials from 0: ``(P_(j+1) − P_(j−1))/(2(2j + 1))``."""
+    """Return integrals (k, count), from 0 to points `at` (k,), of the first `count` shifted Legendre polynomials."""
     values = legendre.legvander(2 * at - 1, count)
     return np.column_stack([at, (values[:, 2:] - values[:, :-2]) / (2 * (2 * np.arange(1, count) + 1))])
 
@@ -329,7 +329,7 @@ def _solved(
     tolerance: float,
     scales: np.ndarray,
 ) -> np.ndarray | None:
-    """Return velocities and, last, the current (n + 1, s) at the stages of a step; None where a shorter one is needed.
+    """Return n velocities and the current (n + 1, s) at the s stages of a step; None if a shorter step is needed.
 
     Newton's method from a motion that goes on as it is. Driven by current, the last row is given.
     """

@@ -169,7 +169,7 @@ def _printed_bounds(shape: Any) -> np.ndarray:
 
 
 def _hold(shape: Any, clamp: str, bounds: np.ndarray) -> None:
-    """Name ``clamped`` the printed part's faces that `clamp` holds; `bounds` (2, 3) in mm are those of the uncut part.
+    """Name ``clamped`` the printed faces that `clamp` holds; `bounds` (2, 3) in mm are the box of the uncut part.
 
     Raises
     ------
@@ -198,7 +198,7 @@ class Mirror(NamedTuple):
 
     @property
     def loads(self) -> tuple[int, ...]:
-        """Indices, among forces along and then moments about x, y, z (0 to 5), of those symmetric in this plane."""
+        """Indices of the loads symmetric in this plane: 0 to 2 are forces along x, y, z, 3 to 5 moments about them."""
         return (1, 2, 3) if self.axis == 0 else (0, 2, 4)
 
 
@@ -571,7 +571,7 @@ def factored(system: System) -> Solver:
 
 
 def accurate(system: System, solve: Solver, loads: np.ndarray, answers: np.ndarray) -> bool:
-    """Return whether `answers` (n, k) solve the system under `loads` (n, k); the load that deflects it most is tested.
+    """Return whether `answers` (n, k) solve `system` for `loads` (n, k), tested for the load that does most work.
 
     The inverses of 3 × 3 pivots in NGSolve's Cholesky lose soft directions when the stiffnesses of a
     solid lie more than about 1e8 apart, without a word.
@@ -670,7 +670,7 @@ def rigid_loads(
 
 
 def energy_shares(system: System, materials: Mapping[str, Elastic], eigen: Eigen) -> np.ndarray:
-    """Return the share (elements, k) of each element in the strain energy of each mode; columns sum to 1."""
+    """Return the shares (elements, k) of each element in the strain energy of k modes; a mode's sum to 1."""
     mesh = system.space.mesh
     field = ng.GridFunction(system.space)
     density = mesh.MaterialCF({name: energy(material, field, field) for name, material in materials.items()})
@@ -683,7 +683,7 @@ def energy_shares(system: System, materials: Mapping[str, Elastic], eigen: Eigen
 
 
 def edge_energy_shares(netgen_mesh: Any, shares: np.ndarray) -> dict[str, float]:
-    """Return for each named edge the strain energy share of the tetrahedra along it, the largest of all modes."""
+    """Return for each named edge the largest share of a mode's strain energy that lies in tetrahedra along it."""
     nodes = netgen_mesh.Elements3D().NumPy()["nodes"][:, :4].astype(np.int64)
     segments = netgen_mesh.Elements1D().NumPy()
     ends = np.sort(segments["nodes"][:, :2].astype(np.int64), axis=1)
@@ -829,7 +829,7 @@ def converged_modes(taxel: SolidTaxel, tolerance: float = 1e-3, modes: int = 6, 
 def _by_settings(
     taxel: SolidTaxel, draft: "MeshDomain", settings: tuple[FineSetting, ...], first: int, modes: int, tolerance: float
 ) -> SolidModes:
-    """Return modes at the cheapest mesh setting from index `first` on with error below `tolerance`, else the best."""
+    """Return modes by the first of `settings`, from index `first`, with error below `tolerance`, else by the best."""
     known = None
     before = None
     for place, setting in enumerate(settings[first:], first):
@@ -889,7 +889,7 @@ def _rich(mesh: Any, shares: np.ndarray, working: int) -> np.ndarray:
 
 
 def _extrapolated(coarser: SolidModes, finer: SolidModes) -> SolidModes:
-    """Return `finer` with frequencies extrapolated to higher orders by the change from `coarser`, with errors."""
+    """Return `finer` with frequencies extrapolated from their change since `coarser`, and estimated errors."""
     working = finer.modes.working
     other = coarser.modes.working
     change = coarser.modes.frequency_hz / finer.modes.frequency_hz - 1

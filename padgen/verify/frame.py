@@ -140,7 +140,7 @@ def element_mass_root(element: Element, length: float, bubbles: int) -> np.ndarr
 
 
 def _inner_motions(bubbles: int, points: int) -> Iterator[tuple[float, float, np.ndarray, np.ndarray]]:
-    """Yield per Gauss point its place (share of length), weight, and values and slopes (6, m) of the bubble functions.
+    """Yield for each Gauss point its place in [0, 1], weight, and values and slopes (6, m) of the m bubble functions.
 
     Rows: stretch, twist, then shift and turn of each plane. The motions are integrated Legendre polynomials, of degree
     2 … and 0 at both ends; slopes are by the share of the length.
@@ -170,7 +170,7 @@ def _bending_flexibility(element: Element, length: float, plane: int) -> tuple[f
 
 
 def _from_chord(length: float, plane: int) -> np.ndarray:
-    """Return the matrix (2, 12) from the nodes' motions to the rotations of both ends against the chord, as slopes."""
+    """Return the matrix (2, 12) that takes the nodes' 12 motions to both ends' slopes relative to the chord."""
     shift, turn, sign = _PLANES[plane]
     rows = np.zeros((2, 12))
     rows[:, [shift, shift + 6]] = np.array([1.0, -1.0]) / length
@@ -179,7 +179,7 @@ def _from_chord(length: float, plane: int) -> np.ndarray:
 
 
 def _shapes(element: Element, length: float, plane: int, s: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return displacement and rotation (as a slope) at the share `s` of the length, for the 12 node motions.
+    """Return deflection (12,) and slope (12,) at `s` in [0, 1] along the element, per unit of each node motion.
 
     They are the chord's motion plus the static deflection under the moments that the nodes' rotations cause. Shear
     bends the axis without turning the section.
@@ -275,7 +275,7 @@ def frame_modes(frame: Frame, count: int = 6) -> FrameModes:
 
 
 def checked_frame_modes(frame: Frame, count: int = 6) -> tuple[FrameModes, np.ndarray]:
-    """Return the lowest modes at one polynomial degree more per element, and a bound (k,) on their relative error.
+    """Return the lowest k modes, solved at one polynomial degree more than set, and bounds (k,) on relative errors.
 
     The bound is the change made by the last inner motion plus rounding. It covers the solution of the beam equations,
     not the beams as a model of a solid.
@@ -361,7 +361,7 @@ def _mass_root(frame: Frame, free: np.ndarray) -> np.ndarray:
 
 
 def _placed(frame: Frame, index: int, root: Callable[[Element, float, int], np.ndarray]) -> np.ndarray:
-    """Return one element's square root of the stiffness or mass matrix, by `root`, over all motions of the frame."""
+    """Return one element's root of stiffness or mass, computed by `root`, with a column per motion of the frame."""
     element = frame.elements[index]
     start, end = frame.nodes[element.start], frame.nodes[element.end]
     length = float(np.linalg.norm(end - start))

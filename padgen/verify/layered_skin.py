@@ -49,7 +49,7 @@ LAYERED = (SkinLayer(0.35e-3, 1e6 / 4, 0.7e-3), SkinLayer(inf, 80e3 / 4, 0.7e-3)
 
 
 class SkinQuestion(NamedTuple):
-    """A punch of `radius` in m at `hz` on layers, the last infinite; a plate holds skin beyond `hole_ratio` radii."""
+    """A punch of `radius` m vibrating at `hz` on skin; a plate holds the skin farther out than `hole_ratio` radii."""
 
     radius: float
     hz: float
@@ -66,7 +66,7 @@ class SkinAnswer(NamedTuple):
 
 
 def _graded(points: list[float], end: float, smallest: float, growth: float, largest: float) -> np.ndarray:
-    """Return nodes from 0 to `end` through `points`, with spacing that grows from about `smallest` at each point."""
+    """Return coordinates from 0 to `end`, `points` included, about `smallest` apart there and wider elsewhere."""
     marks = sorted({0.0, *points, end})
     line = [0.0]
     for low, high in pairwise(marks):
@@ -81,7 +81,7 @@ def _graded(points: list[float], end: float, smallest: float, growth: float, lar
 
 
 def _steps(length: float, smallest: float, growth: float, largest: float) -> np.ndarray:
-    """Return sizes of elements that fill `length`, from about `smallest` on."""
+    """Return element sizes that sum to `length`, the first about `smallest`, each next `growth` times as large."""
     sizes = [min(smallest, length)]
     while sum(sizes) < length:
         sizes.append(min(sizes[-1] * growth, largest))

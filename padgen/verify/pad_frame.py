@@ -73,7 +73,7 @@ class PadModes(NamedTuple):
 
 
 def pad_modes(plan: Plan, clamping: str, order: int) -> tuple[PadModes, PadModes]:
-    """Return the taxels' modes on a frame held by `clamping`, and on one also held at all sides of sub-cells.
+    """Return the taxels' modes on a frame held by `clamping`, then those with all sides of sub-cells held, too.
 
     Both are of one mesh, so that what it errs by close to the roots leaves their ratio alone.
 
@@ -230,7 +230,7 @@ def peak_hz(plan: Plan, modes: PadModes, taxel: int) -> float:
 
 
 def shift(plan: Plan, on_frame: PadModes, held: PadModes, taxel: int) -> float:
-    """Return the relative shift of a taxel's resonance by the frame, from both results of `pad_modes`."""
+    """Return a taxel's relative resonance shift: frequency on the real frame over that on a held one, minus 1."""
     return peak_hz(plan, on_frame, taxel) / peak_hz(plan, held, taxel) - 1
 
 

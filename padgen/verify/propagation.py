@@ -292,7 +292,7 @@ def _with_near(
     modes: tuple[np.ndarray, np.ndarray],
     time: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Add to `moved` (n, k) the motion of resonators by tones near their poles, pairs (p,); return it and phasors (p,).
+    """Return `moved` (n, k) plus the motion by p tones near a pole of their resonator, and their steady phasors (p,).
 
     A tone is near where it is close to a pole of its resonator; the phasors are (p,).
 
@@ -321,7 +321,7 @@ def _with_near(
 
 
 def _sums(values: np.ndarray, which: np.ndarray, count: int) -> np.ndarray:
-    """Return sums (count,) of values (p,) by resonator `which` (p,)."""
+    """Return for each of `count` resonators the sum of the `values` (p,) whose index in `which` (p,) is its."""
     return np.bincount(which, values.real, count) + 1j * np.bincount(which, values.imag, count)
 
 

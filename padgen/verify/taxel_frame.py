@@ -42,7 +42,7 @@ def taxel_frame(model: TaxelModel, elements: int = 4, *, rigid_crossbar: bool = 
 
 
 def _stations(path: BeamPath, fillet: float, elements: int) -> list[tuple[int, float]]:
-    """Return where elements begin and end along a beam: (segment, share of its length), closer in the root's flare."""
+    """Return a beam's element ends, closer in the root's flare, as (segment index, share of the segment)."""
     stations: list[tuple[int, float]] = []
     flare = min(fillet / (float(path.segments[0].length_mm) * MM), 1.0)
     for index, segment in enumerate(path.segments):
@@ -104,7 +104,7 @@ class _Builder:
         return nodes[-1]
 
     def _section_at(self, section: BeamSection, at: float, piece: Segment) -> Section:
-        """Return a beam's cross-section `at` m from its root, flare and end compliance included, on one `piece`.
+        """Return a beam's cross-section `at` m from its root, on segment `piece`, with flare and end compliance.
 
         The compliance of the beam's ends in shear and twist is spread along the beam.
         """
@@ -128,7 +128,7 @@ class _Builder:
         )
 
     def yoke(self, tips: list[int]) -> list[AttachedBody]:
-        """Add neck and crossbar between plate and beams' tips; return the plate and the bodies that join the parts."""
+        """Add neck and crossbar between plate and beam tips; return the rigid bodies: plate and joints."""
         plate, neck, crossbar = self.model.arrangement.blocks
         height = float(crossbar.height_mm) * MM
         middle_x = float(crossbar.low_x_mm + crossbar.high_x_mm) / 2 * MM

@@ -592,7 +592,7 @@ def test_a_second_mode_in_a_slot_that_nothing_excites_is_a_note(crowded_plan):
     figures = plan_selectivity(crowded_plan.spec, straight)
     found = list(judge.judge_modes(replace(crowded_plan, channels=tuple(straight), selectivity=figures)))
     assert [(f.level, f.code, f.where) for f in found] == [("note", "modes.near", "channel 1")]
-    assert f"channel 1's at {number(lateral_hz(crowded_plan))} Hz in channel 3's slot" in found[0].message
+    assert f"channel 1's at {number(lateral_hz(crowded_plan))} Hz near channel 3" in found[0].message
     assert of(crowded_plan, "modes.near") == []
 
 

@@ -167,7 +167,7 @@ def c_header(plan: Plan, drive: PadDrive, tuning: Tuning | None = None) -> str:
 
 
 def with_tables_crc(header: str) -> str:
-    """Return a C header with its list of tables, and the CRC-32 of their little-endian bytes, added or renewed."""
+    """Return a C header with two macros added or renewed: the list of its tables, and the CRC-32 of their data."""
     header = re.sub(r"#define PADGEN_TABLES.*\n", "", header)
     names = []
     crc = 0
@@ -314,7 +314,7 @@ def _by_kind(declared: str, channels: int, entries: Iterable[list[str]], empty: 
 
 
 def _constant_tables(kinds: list[CoilDrive], channels: int) -> Iterable[str]:
-    """Yield C tables of the least constant part of i² of spur-free coils, by on/off state, and of its margins."""
+    """Yield C tables for spur-free coils: least constant parts of i² by on/off state, and the margins added to them."""
     size = channels_per_group(channels)
     groups = ceil(channels / size)
     margins = ([_float_above(a2) for a2 in (kind.margin * kind.line_a2).tolist()] for kind in kinds)
@@ -339,7 +339,7 @@ def _states_table(name: str, groups: int, states: int, tables: Iterable[Iterable
 
 
 def _sweep(table: FirmwareSweep, rate_hz: int) -> Iterable[str]:
-    """Yield the C table of the firmware's sweep: rows of frequency in Hz and voltage amplitude in V, even in time."""
+    """Yield the C table of the firmware's sweep: frequency in Hz and voltage amplitude in V at equally spaced times."""
     yield f"#define PADGEN_SWEEP_SAMPLES {ceil(table.seconds * rate_hz)}u\n#define PADGEN_SWEEP_ROWS {len(table.hz)}\n"
     rows = [f"{{{_float(hz)}, {_float(volts)}}}," for hz, volts in zip(table.hz, table.volts, strict=True)]
     yield _rows("float padgen_sweep[PADGEN_SWEEP_ROWS][2]", rows)

@@ -63,7 +63,7 @@ def write(out: OutputFolder, job: DriveJob) -> None:
 
 
 def hjif_text(plan: Plan, timeline: Timeline | None = None, tuning: Tuning | None = None) -> str:
-    """Write the text of an `.hjif` file: the pad, as planned or as measured, and what `timeline` shows on it.
+    """Return the text of an `.hjif` file: the pad, as planned or as measured, and what `timeline` shows on it.
 
     Raises
     ------
@@ -158,7 +158,7 @@ def _devices(plan: Plan, tuning: Tuning) -> Iterator[dict[str, Any]]:
 
 
 def _gain(plan: Plan) -> float:
-    """Return the ON displacement over the largest that all limits allow; 0 where that is infinite or zero."""
+    """Return the ON displacement divided by the largest within all limits; 0 if that largest is infinite or zero."""
     largest_um = plan.load.reachable_level_um
     return plan.spec.drive.level_um / largest_um if largest_um > 0 and isfinite(largest_um) else 0.0
 

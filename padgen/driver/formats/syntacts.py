@@ -162,7 +162,7 @@ FILE = "drive_syntacts.py"
 
 
 class _TimedStretch(NamedTuple):
-    """Stretch of time from keyframe `key` to the next, whose Syntacts expression has its t = 0 at `start_s`.
+    """Stretch of time from keyframe `key` to the next; t = 0 of its Syntacts expression is at `start_s`.
 
     The share of the way from one to the other is ``clamp(0, offset + speed t, 1)``. `half_samples` is the time from the
     beginning of the file to t = 0, in half samples.
@@ -184,7 +184,7 @@ def write(out: OutputFolder, job: DriveJob) -> None:
 
 
 def syntacts_script(plan: Plan, drive: PadDrive, timeline: Timeline, full_scale_v: float | None = None) -> str:
-    """Write the script's text; a sample of 1 is `full_scale_v` at the coil.
+    """Return the script's text, in which a sample of 1 means `full_scale_v` at the coil.
 
     That should be the written wave's, if there is one; None: the amplifier's limit, or the peak where it is above.
     """
@@ -219,7 +219,7 @@ def syntacts_script(plan: Plan, drive: PadDrive, timeline: Timeline, full_scale_
 
 
 def _figure(value: float) -> str:
-    """Write a number for the script with twelve digits, so that platforms agree."""
+    """Return a number as text for the script, with twelve digits so that it is the same on all platforms."""
     return repr(float(f"{value:.12g}"))
 
 
@@ -260,7 +260,7 @@ def _parts(
 def _lines(
     drive: PadDrive, stretch: _TimedStretch, harmonic: np.ndarray, weight: np.ndarray
 ) -> list[tuple[complex, float]]:
-    """Return each spectral line's complex amplitude at the start of a stretch, and its angular frequency in rad/s."""
+    """Return each spectral line's complex amplitude at a stretch's start, with its angular frequency in rad/s."""
     turned = harmonic * stretch.half_samples % (2 * drive.period_samples) / (2 * drive.period_samples)
     rates = 2 * np.pi * harmonic / drive.period_s
     return list(zip((weight * np.exp(2j * np.pi * turned)).tolist(), rates.tolist(), strict=True))
@@ -283,7 +283,7 @@ STEP_SLOPE = "630 * x * x * x * x * (1 - x) * (1 - x) * (1 - x) * (1 - x)"
 
 
 def _step_text(stretch: _TimedStretch, half: str = "") -> str:
-    """Return text that assigns a stretch's smooth step b, its slope d and q = 1 − b, with `half` after each name.
+    """Return script text that assigns the smooth step b, its slope d and q = 1 − b; `half` is appended to each name.
 
     1 − b is b of 1 − x, which keeps its digits where it is small: the root of it is taken.
     """
@@ -346,7 +346,7 @@ def _tones_text(
 def _blends(
     lines: list[tuple[complex, float]], levels: np.ndarray, is_root: bool
 ) -> Iterator[tuple[complex, float, float, float, str]]:
-    """Yield each line, its rad/s, levels before and after, and the half of the stretch for which they hold ('': all).
+    """Yield (line, rad/s, level before, level after, half of the stretch in which they hold: '1', '2', or '' for all).
 
     A tone, which has the root of its level, is a quarter of its period late where that is below 0, and is down in the
     middle where its level turns over.

@@ -355,7 +355,7 @@ def wave_json(
     tuning: Tuning | None = None,
     recoil: PlayedRecoil | None = None,
 ) -> str:
-    """Describe the WAV file as JSON: scale, coils in the order of its channels, lines, keyframes.
+    """Return JSON that describes the WAV file: scale, coils in the order of its channels, spectral lines, keyframes.
 
     `tuning` is the one that `drive` was made with, `recoil` what the pad keeps when it moves.
     """

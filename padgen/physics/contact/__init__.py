@@ -46,7 +46,7 @@ class Impedance(NamedTuple):
         return self.stiffness - self.mass * omega**2 + 1j * omega * self.damping
 
     def through(self, lever: Array) -> "Impedance":
-        """Return the load on a taxel's moving mass where the skin moves by `lever` times the motion of that mass."""
+        """Return the load as felt by a taxel's moving mass if the skin moves `lever` times as far as that mass."""
         return Impedance(*(part * np.asarray(lever) ** 2 for part in self))
 
 
@@ -110,7 +110,7 @@ PRELOAD_M = 0.5e-3
 
 
 def guard_factor(hole_ratio: Array) -> Array:
-    """Return the factor by which a guard plate stiffens skin, from the ratio of its hole to the contactor, above 1.
+    """Return the factor (≥ 1) by which a guard plate stiffens skin, from the ratio (> 1) of hole to contactor diameter.
 
     Notes
     -----
@@ -180,7 +180,7 @@ def loaded_resonance(
 
 
 class LoadedTaxels(NamedTuple):
-    """Touched taxels (n,), each one resonator with the load of a contact; `Responses` of `padgen.physics.selectivity`.
+    """Touched taxels (n,), each a resonator loaded by a contact; a `Responses` of `padgen.physics.selectivity`.
 
     `stiffness` in N/m, `mass` in kg and `q` are untouched. The skin moves by `lever`, a number or (n,), times as far.
     """
@@ -198,7 +198,7 @@ class LoadedTaxels(NamedTuple):
         return 1
 
     def energy(self, rows: slice, frequency: np.ndarray, rest: np.ndarray | float = 0.0) -> np.ndarray:
-        """Return squared amplitudes (rows, lines) of touched taxels under each line, over untouched ones at resonance.
+        """Return touched taxels' squared amplitudes (rows, spectral lines), divided by those at resonance untouched.
 
         A line is a sine of the force at a `frequency`; all have one amplitude.
 

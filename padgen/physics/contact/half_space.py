@@ -36,7 +36,7 @@ wide: the layer bends and shears across it, which the factor of a homogeneous ha
 
 
 class HalfSpace(NamedTuple):
-    """Skin: reduced modulus E* in Pa, radius a0 in m that the outer layer adds, and time constant τ in s.
+    """Skin: reduced modulus E* in Pa, length a0 in m that its outer layer adds to contact radius, time constant τ in s.
 
     Each is a number or an array.
     """
@@ -75,7 +75,7 @@ class HalfSpace(NamedTuple):
 
 
 def layer_radius(thickness: Array, outer_modulus: Array, modulus: Array) -> Array:
-    """Return the radius a0 in m that an outer layer adds, from its thickness in m and the moduli of both layers.
+    """Return the length a0 in m that a stiff outer layer adds to contact radius, from its thickness and both moduli.
 
     Notes
     -----

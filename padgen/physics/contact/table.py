@@ -44,7 +44,7 @@ class Table(NamedTuple):
 
 
 def made_of(fields: Mapping[str, Any]) -> Table:
-    """Return the contact of `hz`, `k_n_per_m`, `c_n_s_per_m` and `m_g`: lists, or numbers that hold at all frequencies.
+    """Return the contact given by `hz`, `k_n_per_m`, `c_n_s_per_m`, `m_g`: lists, or numbers valid at all frequencies.
 
     `error`, by default 0, is the relative error of the dynamic stiffness.
 

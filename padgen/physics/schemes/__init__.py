@@ -62,7 +62,7 @@ class DriveScheme(Protocol):
         """Return the mean of i² in A² with the channels `on` (n,)."""
 
     def current_lines_a(self, scheme: Scheme, line_a2: np.ndarray, headroom: float) -> np.ndarray:
-        """Return peak currents (n,) in A: of each channel's tone or, without tones, of the coil with it alone on.
+        """Return each channel's peak current (n,) in A: of its tone or, without tones, of the coil when only it is on.
 
         The latter is for currents that are no sum of tones, such as the root of a force.
         """
@@ -157,7 +157,7 @@ def mean_pull_line(scheme: Scheme, line_a2: np.ndarray, headroom: float, on: np.
 
 
 def current_lines_a(scheme: Scheme, line_a2: np.ndarray, headroom: float = 0.0) -> np.ndarray:
-    """Return peak currents (n,) in A: of each channel's tone or, if spur-free, of the coil with it alone on."""
+    """Return each channel's peak current (n,) in A: of its tone or, if spur-free, of the coil when only it is on."""
     return scheme.kind.current_lines_a(scheme, line_a2, headroom)
 
 
@@ -176,7 +176,7 @@ def peak_voltage_v(
 def on_carrier_v(
     volts: np.ndarray | float, root_a: np.ndarray | float, inductance: float, carrier_hz: float
 ) -> np.ndarray:
-    """Return the voltage envelope in V for the current ``√2 root cos 2πf_c t``; `volts` is that for the root alone."""
+    """Return the voltage's envelope in V for the current ``√2 root cos 2πf_c t``; `volts`: voltage without carrier."""
     return np.asarray(np.sqrt(2) * np.hypot(volts, 2 * np.pi * carrier_hz * inductance * root_a))
 
 

@@ -32,7 +32,7 @@ def pair_square(scheme: Scheme, a: np.ndarray, b: np.ndarray, strongest: np.ndar
 
 
 def mean_square_a2(scheme: Scheme, line_a2: np.ndarray, headroom: float, on: np.ndarray) -> float:
-    """Return the mean square in A² of the constant, which is sized for all channels on, and of the tones `on`."""
+    """Return the mean of i² in A²: of the constant current, sized for all channels on, plus that of the tones `on`."""
     return float(bias_a(scheme, line_a2) ** 2 + (current_lines_a(scheme, line_a2, headroom)[on] ** 2).sum() / 2)
 
 

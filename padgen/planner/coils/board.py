@@ -93,7 +93,7 @@ def board_coil(coil: Coil) -> BoardCoil:
 
 
 def beside_mm(coil: Coil, rows: int) -> tuple[float, float]:
-    """Return the least gaps in mm between coils: along x, with room for connector tracks of `rows` coils; along y."""
+    """Return the least gaps in mm between coils: along x (holding connector tracks of `rows` coils) and along y."""
     assert coil.track_mm and coil.space_mm
     return rows * coil.track_mm + (rows + 1) * coil.space_mm, 2 * coil.space_mm
 

@@ -37,13 +37,13 @@ class Mover(Protocol):
     def leakage(
         self, coil: Coil, part: Any, place_m: np.ndarray, next_m: np.ndarray, far_m: np.ndarray, *hung: Ballast
     ) -> Leakage:
-        """Return pulls of coils at `next_m`, `far_m` (k, 2) on movers at `place_m` (n, 2), over those of the own coil.
+        """Return pulls of coils at `next_m`, `far_m` (k, 2) on movers at `place_m` (n, 2), as ratios to their coil's.
 
         `next_m` and `far_m` each have a k of their own.
         """
 
     def remanent_currents(self, coil: Coil, part: Any, share: float, offset_m: np.ndarray) -> np.ndarray:
-        """Return ρ (n,) in A of pulls ∝ i² + ρ i, where steel stays magnetised with a `share` of its coercivity."""
+        """Return ρ (n,) in A, for pulls ∝ i² + ρ i on steel that stays magnetised by a `share` of its coercivity."""
 
 
 class Assembly(NamedTuple):

@@ -72,7 +72,7 @@ USUAL_GAP_MM = 1.0
 
 @lru_cache(maxsize=256)
 def reach_m(coil: Coil, part: Magnet) -> float:
-    """Return the offset in m up to which a coil pulls with at least `LEAST_SHARE` of its pull on its axis."""
+    """Return how far off its axis, in m, a coil still pulls a magnet with `LEAST_SHARE` of its pull on the axis."""
     gap_m = (coil.gap_mm or USUAL_GAP_MM) * MM
     offset_m = np.linspace(0.0, (coil.outer_diameter_mm + part.outer_diameter_mm) / 2 * MM, REACH_PLACES)
     share = magnet_pull(coil_source(coil), magnet_of(part), np.full(REACH_PLACES, gap_m), offset_m).force
@@ -90,7 +90,7 @@ STEEL_SHARE = 0.015
 
 
 def steel_on(ballast: Ballast | None) -> SteelRing | None:
-    """Return magnetic ballast as a steel ring in SI units, a hexagon as a round one of its area; None for any other."""
+    """Return magnetic ballast as a steel ring in SI units (a hexagon as round, of equal area); None for any other."""
     if ballast is None or not ballast.is_magnetic:
         return None
     sizes = ballast.round_mm * MM, ballast.inner_diameter_mm * MM, ballast.height_mm * MM
@@ -98,7 +98,7 @@ def steel_on(ballast: Ballast | None) -> SteelRing | None:
 
 
 def pulls(coil: Coil, part: Magnet, gap_m: np.ndarray, offset_m: np.ndarray, ballast: Ballast | None = None) -> PullAt:
-    """Return the pulls (n,) per A on magnets over gaps (n,) in m, at offsets (n,) in m from the coil's axis."""
+    """Return the pulls (n,) per A on magnets at gaps (n,) in m above the coil and offsets (n,) in m off its axis."""
     steel = steel_on(ballast)
     pulled = magnet_pull(coil_source(coil), magnet_of(part), gap_m, offset_m, steel)
     of_grade = (part.remanence_high_t - part.remanence_low_t) / (part.remanence_high_t + part.remanence_low_t)
@@ -118,12 +118,12 @@ def pulls(coil: Coil, part: Magnet, gap_m: np.ndarray, offset_m: np.ndarray, bal
 
 
 def rest(coil: Coil, part: Magnet, gap_m: np.ndarray, offset_m: np.ndarray, stiffness: np.ndarray) -> RestOnSpring:
-    """Return the equilibrium without current of magnets (n,) on springs, each over the core of a coil of its own."""
+    """Return the equilibrium, without current, of magnets (n,) on springs, each alone over the core of its coil."""
     return rest_on_spring(coil_source(coil), magnet_of(part), gap_m, offset_m, stiffness)
 
 
 def core_coupling(coil: Coil, part: Magnet, place_m: np.ndarray) -> np.ndarray:
-    """Return the stiffness (n, n) in N/m by which one core couples magnets at `place_m` (n, 2); 0 on the diagonal."""
+    """Return the stiffness (n, n) in N/m by which a shared core couples magnets at `place_m` (n, 2); diagonal is 0."""
     gap_m = np.full(len(place_m), coil.gap_mm * MM)
     stiffness = shared_core(coil_source(coil), magnet_of(part), gap_m, place_m, np.ones(len(place_m))).stiffness
     return np.diag(np.diag(stiffness)) - stiffness
@@ -137,7 +137,7 @@ def leakage(
     far_m: np.ndarray,
     ballast: Ballast | None = None,
 ) -> Leakage:
-    """Return pulls of coils at `next_m`, `far_m` on magnets at `place_m`, in m off their coil's axis, over its pulls.
+    """Return pulls of coils at `next_m`, `far_m` on one coil's magnets at `place_m`, divided by that coil's own pulls.
 
     Forces of coils add as they are, so that only the diagonal of `Leakage.mutual` is not zero.
     """
@@ -181,5 +181,5 @@ def assembly(part: Magnet) -> tuple[str, str, str]:
 
 
 def coupling(part: Magnet, apart_m: np.ndarray, ballast: Ballast | None = None) -> np.ndarray:
-    """Return the vertical stiffness in N/m (second derivative of energy) between two magnets at distances in m."""
+    """Return the vertical coupling stiffness in N/m (second derivative of energy) of two magnets `apart_m` apart."""
     return neighbour_stiffness(magnet_of(part), apart_m, steel_on(ballast))

@@ -117,7 +117,7 @@ def leakage(
     far_m: np.ndarray,
     ballast: Ballast | None = None,
 ) -> Leakage:
-    """Return other coils' pulls on the washers of a coil over that coil's own pull; places are in m from its axis."""
+    """Return other coils' pulls on a coil's washers, divided by that coil's pull; places are in m from its axis."""
     return steel_leakage(coil_source(coil), steel_ring(part, ballast), coil.gap_mm * MM, place_m, next_m, far_m)
 
 

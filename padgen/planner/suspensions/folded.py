@@ -81,7 +81,7 @@ def arrange(plate: PlateShape, beam: BeamShape, gap_mm: float) -> Arrangement:
 
 
 def _reach_to_root_mm(plate: PlateShape, middle: Any, outside: Any, lightness: Any) -> Any:
-    """Return the distance in mm that the plate must reach from the washer to the root side to balance the crossbar.
+    """Return how far in mm the plate must extend from the washer towards the beams' root to balance the crossbar.
 
     `outside` is half of the crossbar's length, `lightness` the height of neck and crossbar over the plate's.
     """

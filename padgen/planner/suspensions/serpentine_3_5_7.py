@@ -61,7 +61,7 @@ class Serpentine:
         return min((along - gap_mm) / self.legs - gap_mm, WIDEST_SHARE * plate.width_mm)
 
     def shortest(self, plate: PlateShape, gap_mm: float) -> float:
-        """Return the shortest beam length in mm: the first leg of the widest beam is then straight for one gap."""
+        """Return the shortest beam length in mm: the widest beam's first leg is then straight over just `gap_mm`."""
         widest = WIDEST_SHARE * plate.width_mm
         return float(self._length_mm((widest + gap_mm) / 2 + gap_mm, widest, gap_mm))
 

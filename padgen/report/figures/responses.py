@@ -1,4 +1,4 @@
-"""Curves of how the taxels of one coil answer each frequency, and the lines of its squared current, all channels on.
+"""Curves of how each taxel over a coil responds to frequency, and spectral lines of its squared current, all ON.
 
 A curve is a taxel's motion, in dB of its ON level, if the line that drives it moved in frequency. A point is what the
 loudest OFF taxel hears of a tone or a spur that others make. Below are the lines' own strengths.
@@ -141,7 +141,7 @@ def _of_set(plan: "Plan", which: int) -> Figure:
 
 
 def _spurs(lines: CoilLines) -> list[int]:
-    """Return the indices of the first `MOST_LISTED` spurs among the lines: harmonics, then sums and differences."""
+    """Return the indices of the first `MOST_LISTED` spurs in the spectrum: harmonics, then sums and differences."""
     spurs = [line for line, kind in enumerate(lines.kinds) if kind != "tone"]
     return sorted(spurs, key=lambda line: (lines.kinds[line] != "harmonic", lines.makers[line]))[:MOST_LISTED]
 

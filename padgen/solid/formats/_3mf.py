@@ -444,6 +444,6 @@ def _covered(corners: np.ndarray, width: int, height: int) -> tuple[np.ndarray, 
 
 
 def _runs(first: np.ndarray, last: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return, for every integer from first[k] to last[k] of each range k, the index k and the integer."""
+    """Return all integers first[k] … last[k] of all ranges k as two arrays: the k of each integer, and the integers."""
     run, step = group_indices(np.maximum(last - first + 1, 0).astype(np.int64))
     return run, first[run].astype(np.int64) + step

@@ -86,7 +86,7 @@ The pad lies on the side of the names, its marked corner over the dot, on spacer
 
 
 def _ohms_by_coil(board: Board, coil_ohm: float) -> str:
-    """Return lines of coils and their resistances between the pins, five coils a line."""
+    """Return a text table of each coil's name and resistance in ohm between its two pins, five coils per row."""
     ohms = [f"{name} {coil_ohm + leads:.2f}" for name, leads in zip(board.nets, board.leads_ohm, strict=True)]
     width = max(map(len, ohms))
     rows = (ohms[k : k + 5] for k in range(0, len(ohms), 5))

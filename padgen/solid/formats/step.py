@@ -1,4 +1,4 @@
-"""The STEP format: one taxel per channel with its washer for the pad, the CAD solid of other parts, no coupon."""
+"""The STEP format: of a pad, one taxel with its washer per channel; of other parts, the CAD solid; no coupon."""
 
 import itertools
 import re

@@ -37,7 +37,7 @@ def write(out: OutputFolder, job: ExportJob) -> None:
 
 
 def stl_blocks(mesh: Mesh, title: str) -> Iterator[bytes]:
-    """Yield the mesh as binary STL, some triangles at a time: the whole would take more memory than the mesh."""
+    """Yield the bytes of a mesh's binary STL file, header first, then the triangles in blocks to save memory."""
     yield f"padgen {title}".encode("ascii", "replace")[:80].ljust(80) + np.uint32(len(mesh.triangles)).tobytes()
     for k in range(0, len(mesh.triangles), AT_ONCE):
         corners = mesh.vertices_mm[mesh.triangles[k : k + AT_ONCE]]
