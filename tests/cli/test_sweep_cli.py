@@ -219,6 +219,7 @@ def test_times_as_people_read_them(seconds, text):
     assert seconds_text(seconds) == text
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
 def test_examples_of_the_docs_run(work, capsys, path):
     text = path.read_text().replace("[16, 32, 48, 64]", "[16]").replace("steps = 5", "steps = 2")

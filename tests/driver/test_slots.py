@@ -92,7 +92,7 @@ def test_a_slower_taxel_takes_a_longer_brake():
 SHOWN = [
     ("paper-32", {"text": "HI"}, False),
     ("pad-32", {"text": "HI"}, True),
-    ("triple-48", {"text": "HI"}, False),
+    pytest.param("triple-48", {"text": "HI"}, False, marks=pytest.mark.soak),
     pytest.param("quad-64", {"text": "OK"}, True, marks=pytest.mark.soak),
     pytest.param("wide-11", {"pattern": "rows"}, False, marks=pytest.mark.soak),
     pytest.param("paper-32", {"text": "HI"}, True, marks=pytest.mark.soak),
