@@ -301,7 +301,7 @@ def read_frames(paths: str | Path | Iterable[str | Path], plan: Plan) -> Frames:
 def _refuse_shape(
     plan: Plan, grid: np.ndarray, taken: list[np.ndarray], path: Path, frame: int, rows: int, columns: int
 ) -> None:
-    """Refuse a frame of a wrong shape, or one beyond the number that is held at once, before it is decoded."""
+    """Refuse, before it is decoded, a frame of a wrong shape, or one more than are read at once."""
     if (rows, columns) != grid.shape:
         raise FileError(
             f"frame {frame} has {rows} row{plural(rows)} of {columns}; the pad shows {grid.shape[0]}"

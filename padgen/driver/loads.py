@@ -409,7 +409,7 @@ def _least_constants(
 
 
 def channels_per_signed_group(channels: int) -> int:
-    """Return the number of channels per group as `channels_per_group` does, but for at most `SIGNED_CHANNELS` each.
+    """Return what `channels_per_group` does, with at most `SIGNED_CHANNELS` channels in a group.
 
     In these a channel is off, on or in counter-phase.
     """

@@ -26,7 +26,7 @@ __all__ = ["PlayedPad", "PlayedRecoil", "choose_signs", "mount_text", "played_re
 
 
 class PlayedRecoil(NamedTuple):
-    """Least ON/OFF amplitude ratio in dB of all frames on a pad that recoils on its mount, with signs and without.
+    """Least ON/OFF amplitude ratio in dB of all frames on a pad that recoils, with chosen signs of motion and in step.
 
     `signed_db` is with the signs that are played, `in_step_db` without, `clamped_db` of a pad that does not move; None
     where no taxel is OFF beside one that is ON. `turned` counts taxels that stay ON and turn over. `mount` says how the

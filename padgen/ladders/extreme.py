@@ -978,7 +978,7 @@ PER_LINE = 16
 
 
 def selectivity_cases() -> Iterator[ExtremeCase]:
-    """Yield all cases of the domain 'selectivity': an OFF taxel's energy in the worst state, and channel counts."""
+    """Yield the extreme cases of selectivity: an OFF taxel's energy in the worst state, and counts of channels."""
     for q in (1.0, 15.0, 1e3, 1e5, 1e7):
         yield _energy(f"32 channels in 20 … 1000 Hz, Q = {q:g}", (20.0, 1000.0), 32, q, "spur-free", 16)
     wide = "of 2,048 channels over 10⁴ in frequency, Q ="

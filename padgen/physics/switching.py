@@ -48,7 +48,7 @@ class Brake(NamedTuple):
 
     @property
     def shares(self) -> tuple[tuple[float, float], ...]:
-        """Level at the end of each step, as two shares: of the level before the brake, and of the counter-phase one."""
+        """For each step (a, b): at its end the level is a × that before the brake + b × the counter-phase level."""
         return ((0.0, 0.0), (0.0, 1.0), (0.0, 0.0)) if self.through_zero else ((0.0, 1.0), (0.0, 0.0))
 
     def counter(self, amplitude: np.ndarray, level: np.ndarray, tau_s: np.ndarray) -> np.ndarray:

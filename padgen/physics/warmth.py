@@ -124,7 +124,7 @@ def temperatures(layers: WarmLayers, room_c: float) -> np.ndarray:
 
 
 def _conductances(layers: WarmLayers) -> tuple[np.ndarray, np.ndarray]:
-    """Return the conductances in W/K between neighbours along x (2, r, c − 1) and along y (2, r − 1, c)."""
+    """Return conductances in W/K between neighbour cells of both layers, along x (2, r, c − 1) and y (2, r − 1, c)."""
     half_x = layers.width_m / 2 / (layers.sheet_w_per_k * layers.depth_m[:, None])
     half_y = layers.depth_m[:, None] / 2 / (layers.sheet_w_per_k * layers.width_m)
     return 1 / (half_x[..., 1:] + half_x[..., :-1]), 1 / (half_y[:, 1:] + half_y[:, :-1])

@@ -442,7 +442,7 @@ def _life(plan: Plan) -> Iterator[Finding]:
     if life.print_db is None or life.print_db >= asked_db:
         do = "move every taxel by more than 0.7 of its level"
         kept = ""
-    when = "half a kelvin is too much already, or ageing and Q are: re-tune it before each use"
+    when = "too few do after a change of half a kelvin, too: re-tune it before each use"
     if life.retune_k > 0:
         when = f"re-tune it after every change of {number(life.retune_k)} K"
     yield Finding(

@@ -320,7 +320,7 @@ def _part_slacks(spec: Spec, parts: _Parts, layout: Layout, inside: Room) -> tup
 
 
 def coil_room_mm(spec: Spec, rows: int) -> tuple[float, float]:
-    """Return the least coil pitch in mm along x and y: the coil's diameter, plus room for tracks to `rows` coils."""
+    """Return the least coil pitch in mm along x and y; on a board, tracks to `rows` coils run between columns."""
     outer_mm = spec.coil.outer_diameter_mm
     if spec.coil.kind == "solenoid":
         return outer_mm, outer_mm

@@ -197,7 +197,7 @@ RUNGS = {
         "drive with a current source, or re-tune",
     ),
     "switching": (
-        "the current that stops a taxel takes time to change, so that the taxel rings down later",
+        "a coil's current needs time to change, so that a taxel stops later",
         "leave that much more time between frames",
     ),
     "air's mass": ("air moves along", "re-tune: it is the same for every taxel"),

@@ -331,7 +331,7 @@ class ChoiceFigures(NamedTuple):
 
 
 class _Round(NamedTuple):
-    """Settings of a round in which choices are judged.
+    """Settings of one pass of the search, in which it judges its candidate layouts.
 
     Drives that are `known` are not chosen again. Few prints are simulated `for_cure`. Where the pads are all
     `overloaded`, the amplifier's limits count and the coils' do not. With `for_life`, prints must keep what is asked

@@ -94,7 +94,7 @@ class PadMass:
 
     @cached_property
     def tray_body(self) -> RigidBody | None:
-        """The printed tray."""
+        """Mass, centre of mass and inertia of the printed tray."""
         return combine(*_tray_parts(self.plan, self.tray)) if self.tray else None
 
     @cached_property

@@ -501,7 +501,7 @@ class Prints:
 
 @dataclass(frozen=True, slots=True)
 class Touched:
-    """The pad under a finger whose `skin` is 'low', 'typical' or 'high' (`padgen.planner.touch`, provisional).
+    """The pad under a finger of `skin` of 'low', 'typical' or 'high' stiffness (`padgen.planner.touch`, provisional).
 
     `resonance_hz` and `q` (n,) are of each channel's touched taxels. `all_states_db` is the selectivity of a coil
     driven as planned, by the taxels' own modes alone; None where a coil has one channel or very many.

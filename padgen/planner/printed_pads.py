@@ -164,7 +164,7 @@ GAPS = ("common_gap_mm", "gap_mm")
 
 
 class Coils(NamedTuple):
-    """Coils that have the same channels (n,), with the indices in the plan of their taxels (n, coils)."""
+    """Coils that have the same n channels, and the indices (n, coils) of their taxels in `Plan.taxels`."""
 
     channels: np.ndarray
     taxels: np.ndarray

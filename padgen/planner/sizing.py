@@ -489,7 +489,7 @@ def _solved(
 
 
 def _ideal_beams(spec: Spec, choices: list[list[Pick]], targets: np.ndarray) -> list[list[IdealBeam]]:
-    """Return each candidate set's beams with the widths that give the targets; an empty list if one is not reached.
+    """Return, for each choice, the beams whose widths reach all targets; an empty list for one that misses a target.
 
     The beams of one topology are solved together, which is faster.
     """

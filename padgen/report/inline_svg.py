@@ -133,7 +133,7 @@ def _table(panel: Panel) -> tuple[str, int]:
 
 
 def _discs(panel: Panel) -> tuple[str, int]:
-    """Return discs to scale with their numbers, over the outlines behind them, and the height in px."""
+    """Return as SVG a panel's outlines with discs over them, to scale, a number in each; and its height in px."""
     each = (WIDTH_PX - 1.0) / (panel.x.high - panel.x.low)
 
     def at(x: float, y: float) -> tuple[float, float]:

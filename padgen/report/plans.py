@@ -324,7 +324,7 @@ def _touch_lines(plan: "Plan", touch: "Touch") -> list[str]:
     ]
     kept = ""
     if touch.print_db is not None:
-        planned = "" if touch.planned_db is None else f"; {touch.planned_db:z.1f} dB as planned"
+        planned = "" if touch.planned_db is None else f"; {touch.planned_db:z.1f} dB with the planned tones"
         other = ""
         if touch.other_db is not None:
             kind = "untouched" if touch.tones == "touched" else "touched"
@@ -391,7 +391,7 @@ def plan_text(plan: "Plan") -> str:
     limit = capacity.limit.replace("coil.grid", f"coil.grid = [{coils.rows}, {coils.columns}]")
     lines = [
         f"{plan.name}: {len(plan.taxels)} taxel{plural(len(plan.taxels))} on {number(pad.width_mm)} x"
-        f" {number(pad.depth_mm)} mm; {_coils_text(plan)} at {pitch} mm, of {_channels_text(plan)}",
+        f" {number(pad.depth_mm)} mm; {_coils_text(plan)} at a pitch of {pitch} mm, of {_channels_text(plan)}",
         f"A coil has {count} channel{plural(count)}, and no more because of {limit}. With room for them, so many in"
         f" this band would keep what is asked: {capacity.prints} in {plan.spec.print_share:.0%} of prints (their ratios"
         f" of neighbouring resonances scatter by ± {plan.prints.ratio_spread:.1%}),"
@@ -457,9 +457,9 @@ def _felt_table(plan: "Plan") -> str:
     ]
     count = _from_to(felt.least_frequencies, felt.most_frequencies)
     return (
-        f"levels of {touched} taxels, in dB above what a fingertip just feels (a provisional threshold); it tells"
-        f" {count} of the {len(plan.channels)} frequencies apart (publications differ where a range is given), and of"
-        " each as many strengths as the last column says:\n"
+        f"levels of {touched} taxels, in dB above what a fingertip just feels (a provisional threshold); a finger tells"
+        f" {count} of the {len(plan.channels)} frequencies apart (publications differ where a range is given); the"
+        " last column: how many strengths of each:\n"
         + table(["ch", "just felt µm", "± dB", "ON dB", "OFF dB", "strengths"], rows)
     )
 
@@ -539,8 +539,8 @@ def _frames_text(rate: "FrameRate") -> str:
     )
     if rate.braked_frames_per_s is None:
         return text
-    braked = "" if rate.braked_db is None else f" ({rate.braked_db:.1f} dB)"
-    return f"{text}, with padgen drive --brake (WAV only) at up to {at_most(rate.braked_frames_per_s)}{braked}"
+    braked = "" if rate.braked_db is None else f", which have {rate.braked_db:.1f} dB"
+    return f"{text}; with padgen drive --brake (WAV only) up to {at_most(rate.braked_frames_per_s)} a second{braked}"
 
 
 def _selectivity_lines(plan: "Plan") -> list[str]:

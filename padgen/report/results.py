@@ -140,8 +140,8 @@ def _wave_text(report: "WaveReport") -> str:
     unit = "V" if report.signal == "voltage" else "A"
     depth = "24 bit" if report.depth == "24" else "32-bit float"
     lines = [
-        f"drive.wav: {report.seconds:.3g} s of {len(report.rms_current_a)} channels (coils row by row) at"
-        f" {report.rate_hz} Hz, {depth}, driven {report.scheme}; a sample of 1 stands for"
+        f"drive.wav: {report.seconds:.3g} s for {len(report.rms_current_a)} coils (one WAV channel each, row by row) at"
+        f" {report.rate_hz} Hz, {depth}, drive: {report.scheme}; a sample of 1 stands for"
         f" {number(report.full_scale)} {unit}, the largest is {report.peak:.3g} {unit}",
         f"each coil draws at most {1e3 * max(report.rms_current_a):.3g} mA rms and {max(report.copper_loss_w):.3g} W",
     ]

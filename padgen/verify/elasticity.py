@@ -169,7 +169,7 @@ def _printed_bounds(shape: Any) -> np.ndarray:
 
 
 def _hold(shape: Any, clamp: str, bounds: np.ndarray) -> None:
-    """Name ``clamped`` the printed faces that `clamp` holds; `bounds` (2, 3) in mm are the box of the uncut part.
+    """Give the name "clamped" to the faces of a print that `clamp` holds; `bounds` (2, 3) in mm: the uncut part's box.
 
     Raises
     ------

@@ -367,7 +367,7 @@ def plain_figure(figure: Figure) -> dict[str, Any]:
 
 
 def _near(figure: Figure) -> Figure:
-    """Return a figure cropped to the `near` ranges of its axes; without panels if it has a text `instead` of them."""
+    """Return a figure cropped to its axes' ranges `near`; one that has a text (`instead`) has no panels."""
     panels = []
     for panel in figure.panels if not figure.instead else ():
         x = _near_scale(panel.x)
