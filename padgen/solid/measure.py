@@ -266,7 +266,7 @@ SPLINTER_SHARE = 0.05
 
 
 class NarrowSpot(NamedTuple):
-    """Where a wall, gap, bridged span or thin horizontal skin breaks a print limit: centre in mm and area in mm²."""
+    """A place where a wall, gap, span or skin breaks a print limit: its centre in mm and its area in mm²."""
 
     x_mm: float
     y_mm: float
@@ -296,7 +296,7 @@ class _Part(NamedTuple):
     core: Any = None
 
     def narrower_than(self, limit_mm: float) -> "tuple[list[NarrowSpot], _Part]":
-        """Return the places narrower than a limit, and the rest region to search with a smaller limit.
+        """Return the places narrower than a limit, and the part in which to look for narrower ones.
 
         Lost is what does not come back when the shape is shrunk by half of the limit and grown again. A corner that
         shrinks and grows reaches no farther than twice the limit.
@@ -341,8 +341,8 @@ def narrow_places(
     """Return the smallest wall width (with `gaps`: gap width) in mm in the cuts, and places narrower than `limit_mm`.
 
     The width is None where none is below `bound_mm`, else right within half of a step of `bound_mm` / `WIDTH_STEPS`.
-    With each place comes the index of its cut. A cut is looked at as a whole once; smaller widths are looked for only
-    where it is narrow.
+    With each place comes the index of its cut. A cut is looked at as a whole once, for the larger of the limit and the
+    least width so far; smaller ones are looked for only where it is narrow.
     """
     step_mm = bound_mm / WIDTH_STEPS
     least = WIDTH_STEPS + 1
@@ -350,13 +350,13 @@ def narrow_places(
     for index, cut in enumerate(cuts):
         low = 0
         high = least - 1
-        part = _part_of(cut, gaps)
-        looks = {}
-        for width_mm in sorted({high * step_mm, limit_mm}, reverse=True):
-            looks[width_mm] = part.narrower_than(width_mm) if width_mm else ([], part)
-            _, part = looks[width_mm]
-        places += [(index, spot) for spot in looks[limit_mm][0]]
-        spots, part = looks[high * step_mm]
+        _, part = _part_of(cut, gaps).narrower_than(max(high * step_mm, limit_mm))
+        if limit_mm:
+            spots, _ = part.narrower_than(limit_mm)
+            places += [(index, spot) for spot in spots]
+        if not high:
+            continue
+        spots, part = part.narrower_than(high * step_mm)
         if not spots:
             continue
         while high - low > 1:
