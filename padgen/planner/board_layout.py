@@ -18,6 +18,7 @@ x and y are in mm from the pad's centre, y away from the connector; layers count
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
 from math import cos, dist, hypot, pi, sin
 from typing import NamedTuple
@@ -260,7 +261,8 @@ OFF_MIDDLE = 0.45
 """KiCad 6 errs about arcs whose middle lies level with an end, or straight above it: they have another point."""
 
 
-def _arcs_mm(layer: BoardLayer, pitch_mm: float) -> list[tuple[Point, Point, Point]]:
+@lru_cache(maxsize=64)
+def _arcs_mm(layer: BoardLayer, pitch_mm: float) -> tuple[tuple[Point, Point, Point], ...]:
     """Return a spiral as arcs of at most half a turn, from the inside out: start, a point half way and end in mm.
 
     Half circles about a point a quarter pitch off the axis take turns with ones about a point as far on the other
@@ -285,7 +287,7 @@ def _arcs_mm(layer: BoardLayer, pitch_mm: float) -> list[tuple[Point, Point, Poi
         wider = pitch_mm / 2
         centre = (centre[0] - wider * cos(angle), centre[1] - wider * sin(angle))
         radius += wider
-    return arcs
+    return tuple(arcs)
 
 
 def _on_circle(centre: Point, radius: float, angle: float) -> Point:
