@@ -14,6 +14,7 @@ from types import ModuleType
 from typing import Any
 
 from padgen.core.errors import GeometryError
+from padgen.core.runner import interrupted_later
 
 __all__ = ["build123d", "kernel_errors"]
 
@@ -61,23 +62,13 @@ def build123d() -> Any:
     for name in added:
         sys.modules[name] = _Deferred(name)
     try:
-        return importlib.import_module("build123d")
+        with interrupted_later():  # a compiled module that is interrupted while it sets itself up may crash
+            return importlib.import_module("build123d")
     except ImportError as error:
-        if _interrupted(error):
-            raise KeyboardInterrupt from error
         raise GeometryError(f"build123d cannot be imported ({error}); install padgen again") from error
     finally:
         for name in added:
             sys.modules.pop(name, None)
-
-
-def _interrupted(error: BaseException | None) -> bool:
-    """Return whether an import failed because of Ctrl-C, which a library's start-up turns into an ImportError."""
-    while error is not None:
-        if isinstance(error, KeyboardInterrupt) or "initialization failed" in str(error):
-            return True
-        error = error.__cause__ or error.__context__
-    return False
 
 
 @contextmanager

@@ -2,7 +2,6 @@
 
 import json
 
-import jsonschema
 import numpy as np
 import pytest
 
@@ -129,6 +128,8 @@ def perception(text: str) -> dict:
 
 def refuse_faults(text: str) -> None:
     """Raise where a file breaks the schemas or the reference decoder's rules for the whole file."""
+    import jsonschema  # takes 3 s
+
     whole_file = json.loads(text)
     jsonschema.validate(whole_file, SCHEMA)
     (own,) = whole_file["perceptions"]

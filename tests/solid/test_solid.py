@@ -1,5 +1,7 @@
 """Solids and the pad made of them: volumes by hand, seams, places, and checks by other programs."""
 
+import importlib
+import signal
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +11,7 @@ from padgen.core.errors import GeometryError
 from padgen.planner import make_plan
 from padgen.planner.layout import outline, to_cell
 from padgen.planner.suspensions import names
-from padgen.solid.kernel import _interrupted, build123d, kernel_errors
+from padgen.solid.kernel import build123d, kernel_errors
 from padgen.solid.mesh import as_manifold, signed_volume_mm3, tessellated, topology, welded
 from padgen.solid.pad_solid import build_pad, tile_grid
 from padgen.solid.taxel import taxel_solid, washer_solid
@@ -206,12 +208,17 @@ def test_what_build123d_imports_late_still_works(tmp_path):
     assert made.ConvexPolyhedron(corners).volume == pytest.approx(1 / 6)
 
 
-def test_an_interrupted_import_is_an_interrupt():
-    wrapped = ImportError("x")
-    wrapped.__cause__ = KeyboardInterrupt()
-    assert _interrupted(wrapped)
-    assert _interrupted(ImportError("initialization failed"))
-    assert not _interrupted(ImportError("No module named 'OCP'"))
+def test_ctrl_c_waits_until_the_kernel_is_imported(monkeypatch):
+    imported = []
+
+    def import_module(name):
+        signal.raise_signal(signal.SIGINT)
+        imported.append(name)
+
+    monkeypatch.setattr(importlib, "import_module", import_module)
+    with pytest.raises(KeyboardInterrupt):
+        build123d.__wrapped__()
+    assert imported == ["build123d"]
 
 
 def test_welding_joins_and_drops():

@@ -5,7 +5,6 @@ import tomllib
 from dataclasses import MISSING, FrozenInstanceError, fields
 from math import sqrt
 
-import jsonschema
 import pytest
 
 from padgen.core.errors import FileError, SpecError
@@ -159,6 +158,8 @@ def test_catalogue_entries_pass_their_own_checks(table):
 
 
 def test_schema_accepts_every_template_and_refuses_a_slip():
+    import jsonschema  # takes 3 s
+
     schema = spec_schema()
     jsonschema.Draft202012Validator.check_schema(schema)
     for path in template_paths().values():
