@@ -275,16 +275,30 @@ def version(package: str) -> str:
 
 @cache
 def code_hash(*parts: str) -> str:
-    """Return a hash of padgen's code and data files: of all of them, or only of the folders and modules in `parts`."""
+    """Return a hash of padgen's code and data files: of all of them, or only of the folders and modules in `parts`.
+
+    The files are read again where the name, size or time of change of one differs from those of the last time, which is
+    how Python too knows whether a compiled module is of today's source.
+    """
     root = Path(__file__).parents[1]
-    chosen = [root / part for part in parts] or [root]
-    files = sorted(
-        path
-        for part in chosen
-        for path in ([part] if part.is_file() else part.rglob("*"))
-        if path.name.endswith(SOURCES)
-    )
-    return sha256_hex(b"".join(path.read_bytes() for path in files))
+    files = sorted(path for part in parts or ("",) for path in _sources(root / part))
+    states = [path.stat() for path in files]
+    stamp = key_of([[str(path), state.st_size, state.st_mtime_ns] for path, state in zip(files, states, strict=True)])
+    known = load_bytes("code", stamp)
+    if known is None:
+        known = sha256_hex(b"".join(path.read_bytes() for path in files)).encode()
+        store_bytes("code", stamp, known)
+    return known.decode()
+
+
+def _sources(part: Path) -> Iterator[Path]:
+    """Yield the files of code and data of a folder, or the one file that `part` is."""
+    if part.is_file():
+        yield part
+    for folder, inner, names in os.walk(part):
+        if "__pycache__" in inner:
+            inner.remove("__pycache__")
+        yield from (Path(folder, name) for name in names if name.endswith(SOURCES))
 
 
 SOURCES = (".py", ".csv", ".npy", ".html", ".min.js", ".min.css")

@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 import time
+from hashlib import sha256
 from pathlib import Path
 
 import pytest
@@ -148,6 +149,25 @@ def test_the_code_hash_tells_parts_apart():
     assert cache.code_hash("solid") == cache.code_hash("solid")
     assert cache.version("numpy") != "missing"
     assert cache.version("no-such-package-at-all") == "missing"
+
+
+def test_the_code_is_read_again_only_where_a_file_changed(entries, tmp_path, monkeypatch):
+    code = tmp_path / "code/core/cache.py"
+    code.parent.mkdir(parents=True)
+    monkeypatch.setattr(cache, "__file__", str(code))
+    hashed = cache.code_hash.__wrapped__
+    (code.parent / "notes.txt").write_text("no code")
+    code.write_text("1")
+    assert hashed() == sha256(b"1").hexdigest()
+    with monkeypatch.context() as unread:
+        unread.setattr(Path, "read_bytes", lambda path: pytest.fail(f"{path} was read"))
+        assert hashed() == sha256(b"1").hexdigest()
+    before = code.stat()
+    code.write_text("2")
+    os.utime(code, ns=(before.st_atime_ns, before.st_mtime_ns + 1))
+    assert hashed() == sha256(b"2").hexdigest()
+    (code.parent / "data.csv").write_text("3")
+    assert hashed("core") == sha256(b"23").hexdigest()
 
 
 def aged(entries: Path, count: int, size: int, start_s: float = 1e9) -> None:
