@@ -93,9 +93,12 @@ def course(tau_s: np.ndarray, seconds: float) -> np.ndarray:
     passed = -np.expm1(-step / tau) * tau / step
     level = blend(np.arange(STEPS + 1) / STEPS)
     risen = np.zeros((STEPS + 1, len(tau)))
-    # Exact where the level is straight from step to step.
-    for k in range(STEPS):
-        risen[k + 1] = keep * risen[k] + (passed - keep) * level[k] + (1 - passed) * level[k + 1]
+    # Exact where the level is straight from step to step: what a step adds is kept, times `keep` for every later step.
+    risen[1:] = (passed - keep) * level[:-1, None] + (1 - passed) * level[1:, None]
+    apart = 1
+    while apart <= STEPS:
+        risen[apart:] = risen[apart:] + keep**apart * risen[:-apart]
+        apart = 2 * apart
     decay = np.exp(-np.arange(STEPS + 1)[:, None] * step / tau)
     return np.stack([decay, 1 - decay - risen, risen])
 

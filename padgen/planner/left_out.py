@@ -58,6 +58,7 @@ from padgen.spec import Material, Spec
 __all__ = [
     "RUNGS",
     "FrameAround",
+    "effects_without_bound",
     "flexibility_bounds",
     "frame_around",
     "judge_left_out",
@@ -267,9 +268,14 @@ def left_out(plan: Plan) -> tuple[LeftOut, ...]:
     if plan.warm.resonance_shift:
         shift = abs(plan.warm.resonance_shift)
         entries.append(LeftOut("warmth", shift, "1", "resonances over the warmest coil", computed=False))
-    plastic = list(_plastic(plan.spec.material))
-    entries += [entry for entry in plastic if entry.status == "bounded"]
+    entries += [entry for entry in _plastic(plan.spec.material) if entry.status == "bounded"]
     entries.sort(key=lambda entry: -_size(entry))
+    return (*entries, *effects_without_bound(plan))
+
+
+def effects_without_bound(plan: Plan) -> tuple[LeftOut, ...]:
+    """Return the physical effects that are left out without a bound, then those that the plan includes."""
+    plastic = list(_plastic(plan.spec.material))
     whole = [LeftOut(term, None, "1", of, True, "included") for term, of in INCLUDED.items()]
     whole += [entry for entry in plastic if entry.status == "included"]
     free = [LeftOut(term, None, "1", of, False, "unbounded") for term, (of, _) in UNBOUNDED.items()]
@@ -277,7 +283,7 @@ def left_out(plan: Plan) -> tuple[LeftOut, ...]:
     tight = [channel for channel in plan.channels if channel.hardening_per_mm2 > 0]
     if tight:
         free.insert(0, LeftOut(STRESSES, None, "1", f"resonance of channel {tight[0].index}", False, "unbounded"))
-    return (*entries, *free, *whole)
+    return (*free, *whole)
 
 
 def _plastic(material: Material) -> Iterator[LeftOut]:

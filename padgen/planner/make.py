@@ -32,12 +32,13 @@ from padgen.planner.drive_scheme import (
     coil_load,
     fitting_parts,
     frame_contrasts,
+    frame_rates,
     is_fed,
     plan_selectivity,
 )
 from padgen.planner.judge import judge
 from padgen.planner.layout import Layout, candidates, coil_reach_mm, pitch_of, placed_taxel, room, roomy_layouts
-from padgen.planner.left_out import left_out
+from padgen.planner.left_out import effects_without_bound, left_out
 from padgen.planner.life import keeps_for_life, planned_life
 from padgen.planner.limits import exceeded
 from padgen.planner.pins import pushed, with_errors
@@ -612,8 +613,8 @@ def finish(choice: Choice, quick: bool = False) -> Plan:
     """Return the complete, judged plan of a choice, whose beams and models may have been changed since it was made.
 
     The cures of its findings are untried proposals. With `quick`, few prints are simulated, pins have no errors, the
-    capacity is not counted, and recoil is worked out only where the spec says how the pad is held: cures are judged by
-    no other.
+    capacity is not counted, what is left out gets no bounds, frames get no contrasts, and recoil is worked out only
+    where the spec says how the pad is held: cures are judged by no other.
     """
     channels, selectivity = _channels_and_selectivity(choice)
     models = [sized.model for sized in choice.channels]
@@ -640,16 +641,21 @@ def finish(choice: Choice, quick: bool = False) -> Plan:
         asked = bare.selectivity.asked_db, spec.print_share, coils, prints.ratio_spread / 2**0.5
         count = printed_count(spec.band_hz, spec.q_min, level_law(spec), bare.scheme, *asked)
         capacity = replace(coil_capacity(spec, bare.scheme, choice.limits), prints=count)
+    effects = effects_without_bound(bare)
+    refresh = frame_rates(channels, spec.coil.sets, spec.force_order)
+    if not quick:
+        effects = left_out(replace(bare, recoil=recoil, warm=warm))
+        refresh = frame_contrasts(channels, spec.coil.sets, selectivity)
     known = replace(
         bare,
         recoil=recoil,
         warm=warm,
-        left_out=left_out(replace(bare, recoil=recoil, warm=warm)),
+        left_out=effects,
         prints=prints,
         life=planned_life(replace(bare, prints=prints), design, quick),
         capacity=capacity,
         parts=fitting_parts(bare),
-        refresh=frame_contrasts(bare.channels, spec.coil.sets, bare.selectivity),
+        refresh=refresh,
     )
     return with_verdict(known, judge(known))
 
