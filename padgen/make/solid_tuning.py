@@ -112,7 +112,7 @@ def plan_tuned_to_solid(spec: Spec, progress: Progress = lambda step: None) -> P
         for _ in range(ROUNDS):
             # The next width needs the same setting as the last one.
             settings = [tried[-1].solved.setting if tried else 0 for tried in trials]
-            answers = solver.solve(finish(choice), settings)
+            answers = solver.solve(finish(choice, quick=True), settings)
             for tried, sized, goal, solved in zip(trials, choice.channels, goals, answers, strict=True):
                 tried.append(Trial(sized, solved, log(goal / solved.resonance_hz)))
             channels = tuple(_next_trial(spec, choice, tried, tolerance * MISS_SHARE) for tried in trials)

@@ -262,6 +262,7 @@ def test_built_as_planned_and_what_is_not_is_found(plan):
     assert len(keys) == 3
 
 
+@pytest.mark.soak
 def test_model_frame_and_solid_agree(plan, tmp_path):
     """Beam and frame agree to 0.6 %, the error of arcs as chords; the solid within the model's stated error.
 

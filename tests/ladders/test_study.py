@@ -573,6 +573,7 @@ def test_errors_of_extreme_cases():
     assert judged_error(1e-3, 0.0, allowed=2e-3)[0] == "right"
 
 
+@pytest.mark.soak
 def test_random_specs_are_planned_or_refused_in_a_sentence():
     """A few of the list are tried; `padgen study --extreme` plans hundreds and solves some by finite elements."""
     tables = [random_table(number) for number in range(6, 12)]

@@ -50,6 +50,7 @@ def test_the_printed_solid_resonates_where_it_was_planned(solved):
         assert 0 < channel.model_error <= SOLVED
 
 
+@pytest.mark.soak
 def test_a_finer_solve_of_the_exported_file_agrees(solved, tmp_path):
     """Order 3 on elements of half the size agrees with the loop's within the sum of both stated errors."""
     _, plan = solved

@@ -148,6 +148,7 @@ def test_core_off_the_axis_by_elements():
     assert pull.core_moment[0] == pytest.approx(moment, rel=0.03)
 
 
+@pytest.mark.soak
 def test_two_magnets_over_one_core_by_elements():
     """Of one polarity they weaken each other's pull: 67 in place of 86 mN each."""
     places = np.array([[2.2, 0.0], [-2.2, 0.0]]) * MM

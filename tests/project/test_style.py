@@ -77,3 +77,13 @@ def test_locals_say_what_they_hold():
         or (isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store) and node.id in EMPTY_NAMES)
     ]
     assert not empty
+
+
+def test_no_two_classes_have_one_name():
+    """So that a name in a sentence, a signature or a search means one thing."""
+    named: dict[str, list[str]] = {}
+    for path in MODULES:
+        for node in nodes(path):
+            if isinstance(node, ast.ClassDef):
+                named.setdefault(node.name, []).append(path.name)
+    assert {name: files for name, files in named.items() if len(files) > 1} == {}

@@ -396,6 +396,7 @@ def test_a_file_that_is_no_step(tmp_path: Path, child: ProcessPoolExecutor) -> N
         child.submit(solve_modes, taxel(tmp_path, "empty"), 2, 0).result()
 
 
+@pytest.mark.soak
 def test_a_print_in_layers_is_softer_across_them():
     """By its own entries the compliance is 1/ratio as large across the layers, and unchanged along them."""
     plain = Elastic(3e9, 0.36, 1240.0)

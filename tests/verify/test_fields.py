@@ -201,6 +201,7 @@ def off_axis():
     return solid_force(COIL, [PlacedWasher(WASHER, MM, 3 * MM)], AMPERE)
 
 
+@pytest.mark.soak
 def test_washer_off_the_axis(off_axis):
     wanted = MAGNETS["off_axis_3mm_mn"]["one_washer"]
     force = off_axis.wrench[0] * 1e3
@@ -214,6 +215,7 @@ def test_washer_off_the_axis(off_axis):
     assert off_axis.wrench[0, 4] / off_axis.wrench[0, 2] == pytest.approx(1.832 * MM, rel=0.02)
 
 
+@pytest.mark.soak
 def test_half_and_whole_model_agree(off_axis):
     whole = solid_force(COIL, [PlacedWasher(WASHER, MM, 0.0, 3 * MM)], AMPERE, order=2)
     # Turned by a right angle: x, y of force and moment become y, -x; order 2 is 1-2 % off.

@@ -153,6 +153,7 @@ def bare_frame_hz(plan, clamping):
     return float(eigenmodes(system, factored(system), 3).frequency_hz[0])
 
 
+@pytest.mark.soak
 def test_the_estimate_of_the_frames_own_mode_is_low(plan, worker):
     # A plate's formulas on a grid of ribs with all taxels riding on it, meant to be low.
     for clamping in ("edges", "corners"):
