@@ -626,9 +626,19 @@ def _basis(lines: MeasuredLines, theta: np.ndarray, power: int, extra: np.ndarra
 
 def _projected(basis: np.ndarray, data: np.ndarray) -> np.ndarray:
     """Return the residual of `data` (n,) or (n, p) after a least-squares fit by the columns of `basis`."""
-    norm = np.linalg.norm(basis, axis=0)
-    q = np.linalg.qr(basis / np.where(norm > 0, norm, 1))[0]
-    return np.asarray(data - q @ (q.conj().T @ data))
+    return _outside(_orthonormal(basis)[0], data)
+
+
+def _orthonormal(basis: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return columns `span` (n, k), `triangle` (k, k) and `norm` (k,): the basis is span @ triangle × norm."""
+    size = np.linalg.norm(basis, axis=0)
+    norm = np.where(size > 0, size, 1)
+    return *np.linalg.qr(basis / norm), norm
+
+
+def _outside(span: np.ndarray, data: np.ndarray) -> np.ndarray:
+    """Return the part of `data` (n,) or (n, p) that is orthogonal to the orthonormal columns `span`."""
+    return np.asarray(data - span @ (span.conj().T @ data))
 
 
 def _parts(values: np.ndarray) -> np.ndarray:
@@ -651,24 +661,24 @@ def _solve(
     scale[::2] = np.exp(-first[1::2])
 
     @lru_cache(maxsize=1)
-    def at(*v: float) -> _Solved:
+    def at(*v: float) -> tuple[_Solved, np.ndarray]:
+        """Return the fit with modes at `v`, and orthonormal columns that span its basis."""
         theta = np.clip(first + scale * np.array(v), low, high)
         basis = _basis(lines, theta, power, more)
-        norm = np.linalg.norm(basis, axis=0)
-        norm = np.where(norm > 0, norm, 1)
-        factors = np.linalg.lstsq(basis / norm, lines.data, rcond=1e-12)[0] / norm
+        span, triangle, norm = _orthonormal(basis)
+        factors = np.linalg.lstsq(triangle, span.conj().T @ lines.data, rcond=1e-12)[0] / norm
         residual = lines.data - basis @ factors
         left = max(2 * len(lines.data) - len(theta) - 2 * len(factors), 1)
         noise = float(np.sqrt(2 * np.vdot(residual, residual).real / left))
-        return _Solved(lines, theta, factors, basis, residual, noise, more)
+        return _Solved(lines, theta, factors, basis, residual, noise, more), span
 
     def slopes(v: np.ndarray) -> np.ndarray:
         # L. Kaufman, BIT 15, 1975, 49-57: what is left out is orthogonal to the residual.
-        fit = at(*v)
-        return -_parts(_projected(fit.basis, _slopes(fit, power) * scale)) / size
+        fit, span = at(*v)
+        return -_parts(_outside(span, _slopes(fit, power) * scale)) / size
 
     solution = least_squares(
-        lambda v: _parts(at(*v).residual) / size,
+        lambda v: _parts(at(*v)[0].residual) / size,
         np.zeros(len(first)),
         slopes,
         method="lm",
@@ -676,7 +686,7 @@ def _solve(
         xtol=1e-9,
         max_nfev=tries,
     )
-    return at(*solution.x)
+    return at(*solution.x)[0]
 
 
 def _slopes(fit: _Solved, power: int) -> np.ndarray:
@@ -774,9 +784,9 @@ def _start(lines: MeasuredLines, rest: np.ndarray, power: int, peaks: list[_Peak
     for hz, q in tried:
         local = part.around(hz, q)
         basis = _basis(local, np.log([hz, q]), power, np.zeros((len(local.data), 0)))
-        with_mode = _projected(basis, local.data)
-        without = _projected(basis[:, 1:], local.data)
-        taken = float(np.vdot(without, without).real - np.vdot(with_mode, with_mode).real)
+        # What the mode takes more than the other columns alone is along the part of it that these cannot follow.
+        mode, unexplained = _projected(basis[:, 1:], np.stack([basis[:, 0], local.data], 1)).T
+        taken = float(np.abs(np.vdot(mode, unexplained)) ** 2 / max(np.vdot(mode, mode).real, np.finfo(float).tiny))
         best = max(best, (hz, q, taken), key=lambda each: each[2])
     return best
 
