@@ -36,15 +36,14 @@ def wall_s(command: list[str]) -> float:
     return time.perf_counter() - start
 
 
-def paired(command: list[str], base: list[str], runs: int, forget: bool) -> tuple[float, float, float]:
+def paired(command: list[str], base: list[str], runs: int, forgotten: str) -> tuple[float, float, float]:
     """Return median seconds of both commands and the median ratio, run in turn after one warm-up.
 
-    With `forget` the cache is emptied before each run of `command`.
+    The folder `forgotten` is removed before each run of `command`.
     """
 
     def own_s() -> float:
-        if forget:
-            shutil.rmtree(os.environ[VARIABLE], ignore_errors=True)
+        shutil.rmtree(forgotten, ignore_errors=True)
         return wall_s(command)
 
     own_s(), wall_s(base)
@@ -55,16 +54,20 @@ def paired(command: list[str], base: list[str], runs: int, forget: bool) -> tupl
 def commands() -> list[str]:
     lines = ["| command, cold process | median s | against | median s | ratio | bar |", "|---|---|---|---|---|---|"]
     with tempfile.TemporaryDirectory() as folder:
-        build = [PADGEN, "build", "paper-32", "-o", folder]
-        for name, command, module, bar, runs in (
-            ("padgen plan paper-32", [PADGEN, "plan", "paper-32", "-o", folder + "/plan"], "numpy", "2.5", 15),
-            ("padgen build paper-32 --force, cache empty", [*build, "--force"], "build123d", "1.5", 7),
-            ("padgen build paper-32 --force, taxels known", [*build, "--force"], "build123d", "", 7),
-            ("padgen build paper-32, nothing changed", build, "numpy", "2.5", 15),
-        ):
-            os.environ[VARIABLE] = str(Path(folder, "cache"))
-            own, other, ratio = paired(command, [sys.executable, "-c", f"import {module}"], runs, "empty" in name)
-            lines.append(f"| `{name}` | {own:.3f} | `import {module}` | {other:.3f} | {ratio:.2f} | {bar} |")
+        cache = str(Path(folder, "cache"))
+        out = str(Path(folder, "out"))
+        os.environ[VARIABLE] = cache
+        for name in ("paper-32", "pad-32"):
+            plan = [PADGEN, "plan", name, "-o", out]
+            build = [PADGEN, "build", name, "-o", out]
+            for what, command, module, bar, runs, forgotten in (
+                (f"padgen plan {name}", plan, "numpy", "1.8", 15, ""),
+                (f"padgen build {name}, cache empty", [*build, "--force"], "build123d", "0.65", 7, cache),
+                (f"padgen build {name}, folder new, taxels known", build, "build123d", "0.25", 7, out),
+                (f"padgen build {name}, nothing changed", build, "numpy", "2.5", 15, ""),
+            ):
+                own, other, ratio = paired(command, [sys.executable, "-c", f"import {module}"], runs, forgotten)
+                lines.append(f"| `{what}` | {own:.3f} | `import {module}` | {other:.3f} | {ratio:.2f} | {bar} |")
     return [
         *lines,
         "",
