@@ -36,14 +36,15 @@ def wall_s(command: list[str]) -> float:
     return time.perf_counter() - start
 
 
-def paired(command: list[str], base: list[str], runs: int, forgotten: str) -> tuple[float, float, float]:
+def paired(command: list[str], base: list[str], runs: int, forgotten: Path | None) -> tuple[float, float, float]:
     """Return median seconds of both commands and the median ratio, run in turn after one warm-up.
 
-    The folder `forgotten` is removed before each run of `command`.
+    The folder `forgotten`, if any, is removed before each run of `command`.
     """
 
     def own_s() -> float:
-        shutil.rmtree(forgotten, ignore_errors=True)
+        if forgotten:
+            shutil.rmtree(forgotten, ignore_errors=True)
         return wall_s(command)
 
     own_s(), wall_s(base)
@@ -54,17 +55,18 @@ def paired(command: list[str], base: list[str], runs: int, forgotten: str) -> tu
 def commands() -> list[str]:
     lines = ["| command, cold process | median s | against | median s | ratio | bar |", "|---|---|---|---|---|---|"]
     with tempfile.TemporaryDirectory() as folder:
-        cache = str(Path(folder, "cache"))
-        out = str(Path(folder, "out"))
-        os.environ[VARIABLE] = cache
+        cache = Path(folder, "cache")
+        os.environ[VARIABLE] = str(cache)
         for name in ("paper-32", "pad-32"):
-            plan = [PADGEN, "plan", name, "-o", out]
-            build = [PADGEN, "build", name, "-o", out]
+            out = Path(folder, name)
+            plan = [PADGEN, "plan", name, "-o", str(out)]
+            build = [PADGEN, "build", name, "-o", str(out)]
             for what, command, module, bar, runs, forgotten in (
-                (f"padgen plan {name}", plan, "numpy", "1.8", 15, ""),
+                (f"padgen plan {name}, cache empty", plan, "numpy", "", 7, cache),
+                (f"padgen plan {name}, plan known", plan, "numpy", "1.8", 15, None),
                 (f"padgen build {name}, cache empty", [*build, "--force"], "build123d", "0.65", 7, cache),
                 (f"padgen build {name}, folder new, taxels known", build, "build123d", "0.25", 7, out),
-                (f"padgen build {name}, nothing changed", build, "numpy", "2.5", 15, ""),
+                (f"padgen build {name}, nothing changed", build, "numpy", "2.5", 15, None),
             ):
                 own, other, ratio = paired(command, [sys.executable, "-c", f"import {module}"], runs, forgotten)
                 lines.append(f"| `{what}` | {own:.3f} | `import {module}` | {other:.3f} | {ratio:.2f} | {bar} |")

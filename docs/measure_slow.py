@@ -131,7 +131,7 @@ def main(specs: int, first: int, calls: bool) -> None:
             seconds = min(once, least_again(number))
             print(f"{kind} {number}: {once:.1f} s, {seconds:.1f} s again; {told}", flush=True)
         found[kind].append((seconds, number, told))
-    print(f"{len(found['no spec'])} of {specs} break a rule of specs and count for nothing", flush=True)
+    print(f"{len(found['no spec'])} of {specs} are no valid specs and are not counted", flush=True)
     for kind, bar_s in BARS_S.items():
         slowest = sorted(found[kind], reverse=True)
         above = sum(seconds > bar_s for seconds, *_ in slowest)

@@ -277,18 +277,28 @@ def version(package: str) -> str:
 def code_hash(*parts: str) -> str:
     """Return a hash of padgen's code and data files: of all of them, or only of the folders and modules in `parts`.
 
-    The files are read again where the name, size or time of change of one differs from those of the last time, which is
-    how Python too knows whether a compiled module is of today's source.
+    The files are read only if the name, the size, or the time of change or of modification of one differs from those
+    with which the cache has the hash.
     """
     root = Path(__file__).parents[1]
     files = sorted(path for part in parts or ("",) for path in _sources(root / part))
+    stamp = _stamp(files)
+    known = load_bytes("code", stamp) or b""
+    if HASH.fullmatch(known):
+        return known.decode()
+    made = sha256_hex(b"".join(path.read_bytes() for path in files))
+    if _stamp(files) == stamp:  # no file was changed while they were read
+        store_bytes("code", stamp, made.encode())
+    return made
+
+
+HASH = re.compile(rb"[0-9a-f]{64}")
+
+
+def _stamp(files: list[Path]) -> str:
+    """Return a hash of the files' names, sizes and times."""
     states = [path.stat() for path in files]
-    stamp = key_of([[str(path), state.st_size, state.st_mtime_ns] for path, state in zip(files, states, strict=True)])
-    known = load_bytes("code", stamp)
-    if known is None:
-        known = sha256_hex(b"".join(path.read_bytes() for path in files)).encode()
-        store_bytes("code", stamp, known)
-    return known.decode()
+    return key_of([[str(p), s.st_size, s.st_mtime_ns, s.st_ctime_ns] for p, s in zip(files, states, strict=True)])
 
 
 def _sources(part: Path) -> Iterator[Path]:
@@ -322,8 +332,11 @@ def _entries() -> Iterator[tuple[Path, float, int]]:
 
 
 def _is_linked(path: Path) -> bool:
-    """Return whether a file of the cache, or one of its two folders, is a symbolic link, which is not followed."""
-    return any(each.is_symlink() for each in (path, path.parent, path.parents[1]))
+    """Return whether a file of the cache, or one of its two folders, is a symbolic link, or may be one, unread."""
+    try:
+        return any(each.is_symlink() for each in (path, path.parent, path.parents[1]))
+    except OSError:
+        return True
 
 
 def _path(kind: str, key: str) -> Path:

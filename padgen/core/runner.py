@@ -456,7 +456,8 @@ def interrupted_later() -> Iterator[None]:
     """Delay a Ctrl-C that comes inside the block until the block ends.
 
     For what takes locks written in Python, such as handing a job to a thread: an exception between the taking of such a
-    lock and the block that frees it leaves it held, and the thread waits for it for ever.
+    lock and the block that frees it leaves it held, and the thread waits for it for ever. Also for the import of
+    compiled modules, which may crash where they are interrupted.
     """
     if current_thread() is not main_thread():
         yield

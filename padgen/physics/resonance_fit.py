@@ -630,7 +630,10 @@ def _projected(basis: np.ndarray, data: np.ndarray) -> np.ndarray:
 
 
 def _orthonormal(basis: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return columns `span` (n, k), `triangle` (k, k) and `norm` (k,): the basis is span @ triangle × norm."""
+    """Return orthonormal columns (n, m), a triangle (m, k) and the columns' sizes (k,), m = min(n, k).
+
+    Columns times triangle, each column times its size, are the `basis` (n, k).
+    """
     size = np.linalg.norm(basis, axis=0)
     norm = np.where(size > 0, size, 1)
     return *np.linalg.qr(basis / norm), norm
@@ -784,7 +787,7 @@ def _start(lines: MeasuredLines, rest: np.ndarray, power: int, peaks: list[_Peak
     for hz, q in tried:
         local = part.around(hz, q)
         basis = _basis(local, np.log([hz, q]), power, np.zeros((len(local.data), 0)))
-        # What the mode takes more than the other columns alone is along the part of it that these cannot follow.
+        # The mode explains only what lies along its part that is orthogonal to the other columns.
         mode, unexplained = _projected(basis[:, 1:], np.stack([basis[:, 0], local.data], 1)).T
         taken = float(np.abs(np.vdot(mode, unexplained)) ** 2 / max(np.vdot(mode, mode).real, np.finfo(float).tiny))
         best = max(best, (hz, q, taken), key=lambda each: each[2])

@@ -93,10 +93,11 @@ def course(tau_s: np.ndarray, seconds: float) -> np.ndarray:
     passed = -np.expm1(-step / tau) * tau / step
     level = blend(np.arange(STEPS + 1) / STEPS)
     risen = np.zeros((STEPS + 1, len(tau)))
-    # Exact where the level is straight from step to step: what a step adds is kept, times `keep` for every later step.
+    # Exact where the level is straight within each step: the sum of what the steps add, which falls by `keep` in every
+    # later step, by doubling the number of steps that are summed.
     risen[1:] = (passed - keep) * level[:-1, None] + (1 - passed) * level[1:, None]
     apart = 1
-    while apart <= STEPS:
+    while apart < STEPS:
         risen[apart:] = risen[apart:] + keep**apart * risen[:-apart]
         apart = 2 * apart
     decay = np.exp(-np.arange(STEPS + 1)[:, None] * step / tau)

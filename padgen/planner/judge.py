@@ -832,4 +832,7 @@ PLAN_RULES: RuleBook[Plan] = RuleBook(
     judge_pins,
     guard_findings,
 )
-"""Rules by which a plan is judged: functions that yield its findings."""
+"""Rules by which a plan is judged: functions that yield its findings.
+
+They judge trials, such as cures, too, which lack some figures: see `quick` of `make.finish`.
+"""

@@ -58,12 +58,12 @@ from padgen.spec import Material, Spec
 __all__ = [
     "RUNGS",
     "FrameAround",
-    "effects_without_bound",
     "flexibility_bounds",
     "frame_around",
     "judge_left_out",
     "left_out",
     "left_out_line",
+    "unbounded_and_included",
 ]
 
 
@@ -270,11 +270,11 @@ def left_out(plan: Plan) -> tuple[LeftOut, ...]:
         entries.append(LeftOut("warmth", shift, "1", "resonances over the warmest coil", computed=False))
     entries += [entry for entry in _plastic(plan.spec.material) if entry.status == "bounded"]
     entries.sort(key=lambda entry: -_size(entry))
-    return (*entries, *effects_without_bound(plan))
+    return (*entries, *unbounded_and_included(plan))
 
 
-def effects_without_bound(plan: Plan) -> tuple[LeftOut, ...]:
-    """Return the physical effects that are left out without a bound, then those that the plan includes."""
+def unbounded_and_included(plan: Plan) -> tuple[LeftOut, ...]:
+    """Return the effects left out without a bound, then those that the plan includes: all that need no computation."""
     plastic = list(_plastic(plan.spec.material))
     whole = [LeftOut(term, None, "1", of, True, "included") for term, of in INCLUDED.items()]
     whole += [entry for entry in plastic if entry.status == "included"]

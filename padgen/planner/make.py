@@ -38,7 +38,7 @@ from padgen.planner.drive_scheme import (
 )
 from padgen.planner.judge import judge
 from padgen.planner.layout import Layout, candidates, coil_reach_mm, pitch_of, placed_taxel, room, roomy_layouts
-from padgen.planner.left_out import effects_without_bound, left_out
+from padgen.planner.left_out import left_out, unbounded_and_included
 from padgen.planner.life import keeps_for_life, planned_life
 from padgen.planner.limits import exceeded
 from padgen.planner.pins import pushed, with_errors
@@ -198,7 +198,7 @@ def make_plan(spec: Spec, tries_cures: bool = True) -> Plan:
     except SolverError as error:
         if not isinstance(error.__cause__, BROKEN_DOWN):
             raise
-        raise named_breakdown(spec, error, partial(_planned_with, spec, None)) from error
+        raise named_breakdown(spec, error, partial(_planned_with, spec, None, quick=False)) from error
 
 
 @strict_arithmetic()
@@ -215,8 +215,8 @@ def _without_cures(choice: Choice) -> Plan:
 
 
 @strict_arithmetic()
-def _planned_with(spec: Spec, choice: Choice | None, cure: Cure) -> Plan:
-    """Return the plan of the asked `spec` with the changes in `cure` applied, judged by only few simulated prints.
+def _planned_with(spec: Spec, choice: Choice | None, cure: Cure, quick: bool = True) -> Plan:
+    """Return the plan of the asked `spec` with the changes in `cure` applied; with `quick` judged as `finish` says.
 
     What the spec leaves open is searched for anew, as it will be for who follows the cure. Where `cure` only changes
     the mount or the printer's bed, the beams of `choice` are kept. Without a `choice`, the plan is that of the first
@@ -229,7 +229,7 @@ def _planned_with(spec: Spec, choice: Choice | None, cure: Cure) -> Plan:
     searched = _searched(cured_spec, quick=choice is None, most=most)
     if searched is None:
         raise InfeasibleError("no layout has room for its taxels", "resolution")
-    return finish(searched, quick=True)
+    return finish(searched, quick)
 
 
 @strict_arithmetic()
@@ -612,9 +612,9 @@ def _plan_tried_under_touch(bare: Plan, overloaded: bool) -> ChoiceFigures:
 def finish(choice: Choice, quick: bool = False) -> Plan:
     """Return the complete, judged plan of a choice, whose beams and models may have been changed since it was made.
 
-    The cures of its findings are untried proposals. With `quick`, few prints are simulated, pins have no errors, the
-    capacity is not counted, what is left out gets no bounds, frames get no contrasts, and recoil is worked out only
-    where the spec says how the pad is held: cures are judged by no other.
+    The cures of its findings are untried proposals. With `quick`, which is for trials, few prints are simulated,
+    pins' errors, the capacity, bounds of what is left out and contrasts of frames are not computed, and recoil only
+    where the spec says how the pad is held: no finding by which a cure is judged needs more.
     """
     channels, selectivity = _channels_and_selectivity(choice)
     models = [sized.model for sized in choice.channels]
@@ -641,9 +641,10 @@ def finish(choice: Choice, quick: bool = False) -> Plan:
         asked = bare.selectivity.asked_db, spec.print_share, coils, prints.ratio_spread / 2**0.5
         count = printed_count(spec.band_hz, spec.q_min, level_law(spec), bare.scheme, *asked)
         capacity = replace(coil_capacity(spec, bare.scheme, choice.limits), prints=count)
-    effects = effects_without_bound(bare)
-    refresh = frame_rates(channels, spec.coil.sets, spec.force_order)
-    if not quick:
+    if quick:
+        effects = unbounded_and_included(bare)
+        refresh = frame_rates(channels, spec.coil.sets, spec.force_order)
+    else:
         effects = left_out(replace(bare, recoil=recoil, warm=warm))
         refresh = frame_contrasts(channels, spec.coil.sets, selectivity)
     known = replace(

@@ -59,10 +59,10 @@ def build123d() -> Any:
         build123d or one of its libraries is missing or broken.
     """
     added = [name for name in DEFERRED if name not in sys.modules]
-    for name in added:
-        sys.modules[name] = _Deferred(name)
     try:
         with interrupted_later():  # a compiled module that is interrupted while it sets itself up may crash
+            for name in added:
+                sys.modules[name] = _Deferred(name)
             return importlib.import_module("build123d")
     except ImportError as error:
         raise GeometryError(f"build123d cannot be imported ({error}); install padgen again") from error

@@ -164,10 +164,27 @@ def test_the_code_is_read_again_only_where_a_file_changed(entries, tmp_path, mon
         assert hashed() == sha256(b"1").hexdigest()
     before = code.stat()
     code.write_text("2")
-    os.utime(code, ns=(before.st_atime_ns, before.st_mtime_ns + 1))
+    os.utime(code, ns=(before.st_atime_ns, before.st_mtime_ns))  # as a tool that copies times does
+    assert hashed() == sha256(b"2").hexdigest()
+    for entry in files(entries):
+        entry.write_bytes(b"damaged")
     assert hashed() == sha256(b"2").hexdigest()
     (code.parent / "data.csv").write_text("3")
     assert hashed("core") == sha256(b"23").hexdigest()
+    key = cache._stamp([code, code.parent / "data.csv"])
+    cache.store_bytes("code", key, b"no hash")
+    assert hashed("core") == sha256(b"23").hexdigest()
+
+
+def test_a_folder_that_may_not_be_searched_keeps_nothing(entries, monkeypatch):
+    def refuse(path):
+        raise PermissionError(13, "Permission denied", str(path))
+
+    monkeypatch.setattr(Path, "is_symlink", refuse)
+    cache.store("kind", KEYS[0], [1])
+    assert cache.load("kind", KEYS[0]) is None
+    assert cache.get_or_compute("kind", KEYS[0], lambda: None, lambda: 7) == 7
+    assert len(cache.code_hash.__wrapped__("core")) == 64
 
 
 def aged(entries: Path, count: int, size: int, start_s: float = 1e9) -> None:

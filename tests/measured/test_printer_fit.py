@@ -74,7 +74,6 @@ def fit_of(name: str, hz: float) -> TaxelFit:
     return TaxelFit(name, hz, hz * NOISE, 15.0, 1.0, None, None, True, True, None, ())
 
 
-@pytest.mark.soak
 def test_intervals_hold_the_truth():
     plan = plan_of()
     held = []

@@ -307,7 +307,6 @@ def test_driven_clean(q, seconds):
     assert fit.peak == pytest.approx(50, rel=1e-2)
 
 
-@pytest.mark.soak
 def test_driven_sigmas_are_honest():
     rng = np.random.default_rng(13)
     x = chirp(1000.0, 3)

@@ -214,7 +214,6 @@ def test_other_modes_are_covered(fresh):
     assert covered([one for one in fresh if not one.working]) >= 0.9
 
 
-@pytest.mark.soak
 @pytest.mark.sample(1)
 @pytest.mark.parametrize("what", campaign.STATIC)
 def test_static_answers_are_covered(what):

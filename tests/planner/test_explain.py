@@ -57,8 +57,9 @@ def row_told(change):
 def test_a_row_is_what_plan_makes_of_the_spec_with_its_lines(explained):
     spec, plan, explanation = explained
     specs = {as_lines(cure): varied(spec, cure) for _, cure in _changes(plan, spec)}
-    assert len(explanation.changes) >= 5
-    for change in explanation.changes[::5]:
+    changes = explanation.changes
+    assert len(changes) >= 5
+    for change in (changes[0], changes[len(changes) // 2], changes[-1]):
         again = make_plan(specs[change.change], tries_cures=False)
         assert row_told(change) == row_of(again, plan), change
         assert not [finding for finding in again.findings if finding.level == "error"]

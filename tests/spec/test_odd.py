@@ -149,6 +149,14 @@ def test_a_breakdown_names_the_field_whose_usual_value_does(monkeypatch):
     assert told.value.cures == ({"q_min": 15.0},)
 
 
+def test_a_breakdown_that_no_usual_value_mends_is_told_as_it_is(monkeypatch):
+    """As where it is in what trials leave out: each field that is tried is planned whole."""
+    monkeypatch.setattr(make, "left_out", lambda plan: 1 / 0)
+    with pytest.raises(SolverError, match="leaves the range in which it can be computed") as told:
+        make_plan(make_spec(FOUR))
+    assert not told.value.cures
+
+
 @pytest.mark.parametrize("value", [nan, inf, -inf])
 def test_no_plan_has_a_figure_that_is_not_finite(monkeypatch, value):
     plan = make_plan(make_spec(FOUR))
