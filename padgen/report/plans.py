@@ -791,12 +791,12 @@ def yield_text(result: "PrintYield") -> str:
         "",
         table(gains, costs),
     ]
-    costliest = (("tones as planned", result.costliest_planned), ("re-tuned", result.costliest_retuned))
-    named = [
-        f"{name}: {_error_text(spread)} ({LOST[figure]})" for name, (spread, figure) in costliest if spread != "none"
+    costliest = (("with tones as planned", result.costliest_planned), ("re-tuned", result.costliest_retuned))
+    lines += [
+        f'{name}, the error "{_error_text(spread)}" costs the most {LOST[figure]}'
+        for name, (spread, figure) in costliest
+        if spread != "none"
     ]
-    if named:
-        lines.append(f"the error that costs most, {'; '.join(named)}")
     if result.nominal_db is not None and result.nominal_db < result.asked_db:
         lines.append(
             f"without any print errors a pad keeps {result.nominal_db:.1f} dB, so that hardly a pad can be good at"
@@ -805,8 +805,8 @@ def yield_text(result: "PrintYield") -> str:
     return "\n".join(lines)
 
 
-LOST = {"pads": "by good pads", "taxels": "by good taxels", "median_db": "by the median dB"}
-"""The figures by which an error of prints is the costliest."""
+LOST = {"pads": "good pads", "taxels": "good taxels", "median_db": "dB of the median pad"}
+"""What an error of prints costs the most of."""
 ERRORS = {
     "modulus": "stiffness of the plastic, whole print",
     "common_z_mm": "thickness, whole print, mm",
