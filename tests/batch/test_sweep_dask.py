@@ -256,6 +256,7 @@ def test_threads(place):
     check_whole(place / "out", 6)
 
 
+@pytest.mark.soak
 def test_submitit(place):
     submitit = pytest.importorskip("submitit", reason="submitit is not installed")
     executor = submitit.AutoExecutor(folder=place / "jobs", cluster="local")
@@ -265,6 +266,7 @@ def test_submitit(place):
     check_whole(place / "out", 4)
 
 
+@pytest.mark.soak
 def test_executorlib(place):
     executorlib = pytest.importorskip("executorlib", reason="executorlib is not installed")
     with executorlib.SingleNodeExecutor(max_workers=1) as executor:

@@ -198,6 +198,7 @@ def test_other_schemes_keep_what_the_plan_says_of_them(scheme, tmp_path):
     assert heard.selectivity_db == pytest.approx(planned.placed_all_states_db, abs=0.3)
 
 
+@pytest.mark.soak
 def test_eleven_channels_hear_what_the_modal_model_says(tmp_path):
     plan = pg.plan("wide-11")
     drive = make_drive(plan, RATE)
@@ -405,6 +406,7 @@ def test_a_gap_that_closes_is_the_coupled_system(tmp_path):
     assert abs(db(heard.level_um[0, first] / linear.level_um[0, first])) > 1.0
 
 
+@pytest.mark.soak
 def test_with_little_motion_the_gap_changes_nothing(tmp_path):
     plan = plan_of("quad-64", level_um=1e-3)
     drive = make_drive(plan, 8000)

@@ -158,6 +158,7 @@ def squared(pad: Host, run: Run) -> np.ndarray:
     return lines[: n // 2]
 
 
+@pytest.mark.sample(7)
 @pads("one", "tones", "spur-free", "no inductance", "eleven", "biased", "carrier")
 @pytest.mark.parametrize(("grey", "with_signs"), [(False, False), (True, False), (True, True)])
 def test_lines_are_those_asked_for_at_any_level(pad: Host, grey: bool, with_signs: bool):
@@ -254,7 +255,7 @@ def spoiled(header: str, table: str, entry: str) -> str:
     return with_tables_crc(f"#include <math.h>\n{declared}static const float {table}{numbers};{rest}")
 
 
-@pytest.mark.sample(4)
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(("scheme", "table", "entry"), [
     ("tones", "padgen_line_a2", "1e9f"),
     ("tones", "padgen_line_a2", "-1e3f"),
@@ -331,6 +332,7 @@ def shown_for_long(pad: Host, seconds: float) -> str:
     return pad.hello + "".join(feed(frame_message(np.ones(taxels), k)) + pad.wait(hold) for k in range(times))
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", OVERDRIVEN)
 def test_what_is_asked_for_long_is_held_at_what_is_borne(tmp_path: Path, name: str):
     """By the filters of `Meter`, which are off by 2e-4 at most: a current between samples bends by (R dt/L)²/192."""
@@ -351,6 +353,7 @@ def test_what_is_asked_for_long_is_held_at_what_is_borne(tmp_path: Path, name: s
     assert warmest >= 248 or spec.limits.power_w
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(("coil_w", "power_w"), [(0.05, None), (0.001, None), (1.0, 0.004)])
 def test_a_pad_that_bears_next_to_nothing_is_stopped_in_time(tmp_path: Path, coil_w: float, power_w: float | None):
     """A few samples at the voltage's limit would be too much, and so would be what the field still holds by then."""

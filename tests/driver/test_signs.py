@@ -68,7 +68,7 @@ PLAYED = {
 }
 
 
-@pytest.mark.sample(3)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("case", "signed"), [*((case, True) for case in PLAYED), ("one channel", False), ("two channels", False)]
 )

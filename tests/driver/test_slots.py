@@ -103,6 +103,7 @@ SHOWN = [
 ]
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(("name", "shown", "brake"), SHOWN)
 def test_bytes_keep_over_their_slots_what_is_stated(name, shown, brake, tmp_path):
     plan = pg.plan(name)

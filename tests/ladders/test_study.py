@@ -439,6 +439,7 @@ def test_interrupted_before_anything_it_leaves_nothing(paper_plan, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.soak
 def test_interrupted_extreme_cases_say_which_were_not_run(tmp_path):
     study = run_extreme(tmp_path / "out", interrupted_at("case 3"), OWN_CASES)
     assert [v.verdict for v in study.verdicts] == ["right", "refused", *["not run"] * 5]
@@ -601,6 +602,7 @@ def test_a_wrong_plan_of_a_random_spec_is_found(monkeypatch):
         next(spec_cases()).solve()
 
 
+@pytest.mark.soak
 def test_statics_that_no_pad_survives_are_refused():
     cases = [case for case in spec_cases() if "impossible" in repr(case.solve.args[:1])]
     assert len(cases) == 4
@@ -614,6 +616,7 @@ def solved(name: str):
     return next(case for case in solid_cases() if case.name == name).solve()
 
 
+@pytest.mark.soak
 def test_elements_know_their_error():
     """One case of the list; `padgen study --extreme` runs all, and solves the references anew.
 

@@ -170,6 +170,7 @@ def test_the_first_slope_is_the_beam_models():
     assert found != 0.5
 
 
+@pytest.mark.soak
 def test_steps_tell_the_share_that_is_solved(monkeypatch, tmp_path):
     """With two taxels the bar stands at nothing, then at a half."""
     monkeypatch.setenv(cache.VARIABLE, str(tmp_path / "empty"))

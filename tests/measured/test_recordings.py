@@ -105,7 +105,7 @@ def test_noise_whose_reference_passes_no_direct_current_is_refused(plan, tmp_pat
         fit_measured(read_measured(tmp_path, plan), plan)
 
 
-@pytest.mark.sample(3)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("excitation", ["chirp", "pluck"])
 @pytest.mark.parametrize(("hz", "size"), [((63.0, 99.0), (1, 0.4)), ((70.0, 82.0), (1, 1)), ((62.0,), (1,))])
 def test_both_taxels_of_a_coil_in_one_recording(plan, tmp_path, excitation, hz, size):

@@ -74,6 +74,7 @@ def test_high_q_and_any_unit():
     assert fit.peak == pytest.approx(1e-9, rel=0.05)
 
 
+@pytest.mark.soak
 @pytest.mark.sample(1)
 @pytest.mark.parametrize("q", [2, 15, 30])
 def test_error_at_30_db_and_honest_sigmas(q):

@@ -235,6 +235,7 @@ def test_every_check_of_a_guard_plate_can_fail(plan, guard):
         assert any(f.code == "guard.built" for f in report.findings)
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize(
     ("fields", "code"),
     [

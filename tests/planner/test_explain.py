@@ -65,6 +65,7 @@ def test_a_row_is_what_plan_makes_of_the_spec_with_its_lines(explained):
         assert not [finding for finding in again.findings if finding.level == "error"]
 
 
+@pytest.mark.soak
 def test_a_row_is_of_the_layout_that_is_found_with_its_lines(monkeypatch):
     """Not of the one that was found without them: at Q = 10 every taxel has a coil of its own, at 15 two share one."""
     spec = parse_spec('name = "free"\nresolution = 16\nband_hz = [60, 400]\nq_min = 10\n')
@@ -135,6 +136,7 @@ def test_one_more_channel_that_the_coil_does_not_pull_is_a_limit():
     assert limit.startswith("pull: of 7 magnets over a coil 2 ")
 
 
+@pytest.mark.soak
 def test_movers_for_a_pad_to_touch_keep_what_they_do_under_touch():
     plan = pg.plan("palm-24")
     row = explain._with_mover(plan.spec, "magnet", "disc-3x1", "air-10")

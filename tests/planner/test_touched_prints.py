@@ -58,7 +58,7 @@ STEPPED = {
 }
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", STEPPED)
 def test_a_touched_coil_keeps_what_stepping_in_time_says(name):
     plan = json.loads(plan_to_json(pin(**STEPPED[name])))

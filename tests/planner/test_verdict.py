@@ -90,6 +90,7 @@ def wrong_verdicts(pads) -> list[str]:
     ]
 
 
+@pytest.mark.soak
 def test_verdicts_of_random_pads_are_what_their_figures_say(pads):
     assert not wrong_verdicts(pads)
     assert len({table["verdict"]["level"] for _, table in pads}) > 2

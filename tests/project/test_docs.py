@@ -47,7 +47,7 @@ def test_code_of_the_page_runs(name, tmp_path, monkeypatch, capsys):
     """In this process: starting Python anew for each line takes longer than most of them; few changes are explained."""
     monkeypatch.chdir(tmp_path)
     planned = explain._changes
-    monkeypatch.setattr(explain, "_changes", lambda plan, asked: planned(plan, asked)[:4])
+    monkeypatch.setattr(explain, "_changes", lambda plan, asked: planned(plan, asked)[:2])
     monkeypatch.setattr(explain, "MOVERS_COMPARED", explain.MOVERS_COMPARED[:1])
     text = (ROOT / name).read_text(encoding="utf-8")
     if name == "README.md":

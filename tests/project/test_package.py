@@ -90,6 +90,7 @@ def test_the_wheel_of_an_sdist_is_the_same(checkout, wheel, tmp_path):
     assert zipfile.ZipFile(again).namelist() == zipfile.ZipFile(wheel).namelist()
 
 
+@pytest.mark.soak
 def test_an_editable_install_finds_its_templates(checkout, tmp_path):
     programs = environment(tmp_path / "venv")
     install = ["install", "--no-deps", "--no-build-isolation", "--no-index", "--editable", checkout]

@@ -281,7 +281,7 @@ LIKE_OTHERS = ("big-512", "board-32", "calibration", "magnet-32", "paper-16", "p
 UNLIKE = [pytest.param(name, marks=pytest.mark.soak) if name in LIKE_OTHERS else name for name in TEMPLATES]
 
 
-@pytest.mark.sample(5)
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("name", UNLIKE)
 def test_the_welded_seams_are_the_union_of_the_solids(name):
     """Seams are welded by padgen; manifold3d's boolean of the same tiles and border is the same body.

@@ -449,6 +449,7 @@ def test_a_hundred_threads_save_at_once(tmp_path):
     check_saved(tmp_path, written)
 
 
+@pytest.mark.soak
 def test_eight_processes_save_at_once(tmp_path):
     command = [
         sys.executable,

@@ -743,6 +743,7 @@ def test_a_study_in_the_folder_is_shown(tmp_path, page, paper_plan):
     assert told == ["beam, 6", "solid, <b>7"]
 
 
+@pytest.mark.soak
 def test_two_thousand_taxels_fit_six_megabytes(opened):
     plan = pg.plan(MANY)
     html = page_html(page_data(plan))

@@ -119,6 +119,7 @@ def test_an_air_core_and_a_thin_core():
     assert thin.force_n < air.force_n < 0
 
 
+@pytest.mark.soak
 def test_saturation_weakens_the_pull_per_square():
     weak, strong = (
         axisymmetric_force(COIL, WASHER, MM, i, MILD_STEEL, MILD_STEEL, order=4).force_n / i**2 for i in (0.005, 5.0)
