@@ -293,6 +293,7 @@ def code_hash(*parts: str) -> str:
 
 
 HASH = re.compile(rb"[0-9a-f]{64}")
+"""Form of a stored hash."""
 
 
 def _stamp(files: list[Path]) -> str:
@@ -332,7 +333,10 @@ def _entries() -> Iterator[tuple[Path, float, int]]:
 
 
 def _is_linked(path: Path) -> bool:
-    """Return whether a file of the cache, or one of its two folders, is a symbolic link, or may be one, unread."""
+    """Return whether a file of the cache must be left alone: it or one of its two folders is a symbolic link.
+
+    So must a file be that cannot be looked at, since it may be one.
+    """
     try:
         return any(each.is_symlink() for each in (path, path.parent, path.parents[1]))
     except OSError:

@@ -223,7 +223,7 @@ def _planned_with(spec: Spec, choice: Choice | None, cure: Cure, quick: bool = T
     layout that works, however its prints come out. Raises `InfeasibleError` without cures.
     """
     if choice and set(cure) <= BESIDE_THE_BEAMS:
-        return finish(choice._replace(spec=varied(choice.spec, cure)), quick=True)
+        return finish(choice._replace(spec=varied(choice.spec, cure)), quick)
     cured_spec = decided_under_touch(varied(spec, cure), _touch_trial)
     most = min(MOST_FOR_CURE, max(MOST_TAXELS_FOR_CURE // cured_spec.resolution, 1))
     searched = _searched(cured_spec, quick=choice is None, most=most)

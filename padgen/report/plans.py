@@ -806,7 +806,7 @@ def yield_text(result: "PrintYield") -> str:
 
 
 LOST = {"pads": "good pads", "taxels": "good taxels", "median_db": "dB of the median pad"}
-"""What an error of prints costs the most of."""
+"""Words for each figure that errors of prints lower."""
 ERRORS = {
     "modulus": "stiffness of the plastic, whole print",
     "common_z_mm": "thickness, whole print, mm",
