@@ -12,11 +12,16 @@ TEMPLATES := $(basename $(notdir $(wildcard templates/*.toml)))
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
 
-# pip takes no editable install together with hashes. The second step needs no network: setuptools comes from the lock.
+# uv installs the lock in a third of pip's time, and pip installs it where uv does not reach the registry: only pip reads
+# pip.conf. Neither takes an editable install together with hashes; that step needs no network: setuptools is in the lock.
 PIP = $(BIN)/python -m pip install --quiet --disable-pip-version-check
+UV = VIRTUAL_ENV=$(VENV) $(BIN)/uv pip install --quiet --system-certs --compile-bytecode
 $(STAMP): pyproject.toml setup.py requirements.lock
 	$(PYTHON) -m venv $(VENV)
-	$(PIP) --require-hashes --requirement requirements.lock
+	awk '/^[^ ]/ { is_uv = /^uv==/ } is_uv' requirements.lock > $(VENV)/uv.lock
+	$(PIP) --require-hashes --requirement $(VENV)/uv.lock
+	$(UV) --require-hashes --requirement requirements.lock 2> /dev/null || \
+	  $(PIP) --require-hashes --requirement requirements.lock
 	$(PIP) --no-deps --no-build-isolation --no-index --editable .
 	@touch $@
 
