@@ -24,6 +24,9 @@ from padgen.core.units import COPPER_OHM_M
 from padgen.physics.magnetics import BLOCK, MU_0, CoilSource, Winding, gauss, toroidal
 
 __all__ = [
+    "LAMINATE_J_PER_M3_K",
+    "LAMINATE_KG_PER_M3",
+    "LAMINATE_W_PER_M_K",
     "BoardCoil",
     "BoardLayer",
     "board_layers",
@@ -37,6 +40,12 @@ __all__ = [
     "rings_of",
 ]
 
+LAMINATE_KG_PER_M3 = 1850.0
+"""Density of glass-epoxy laminate (FR-4): data sheets give 1.8 to 1.9 g/cm³."""
+LAMINATE_W_PER_M_K = 0.81
+"""Conductivity of glass-epoxy along the board (Azar and Graebner, SEMI-THERM 1996; across it 0.29)."""
+LAMINATE_J_PER_M3_K = 2.0e6
+"""Heat that laminate takes up: 1850 kg/m³ times some 1100 J/(kg K)."""
 FILAMENTS = 3
 """Filaments across a track, at Gauss points: of two tracks face to face on either side of a thin prepreg this leaves
 less than a hundredth of their mutual inductance."""

@@ -4,9 +4,11 @@ The printed pad is a plate less the taxels' windows, holes and groove, with the 
 windows; beams are their paths' boxes, with the fillets' volume at their roots. The tray is that of
 `padgen.planner.fixtures`. Prints count as solid. A winding's copper follows from turns, size and resistance: wire of
 the length l = N π d has R = ρ l/A and the mass γ l A = γ ρ l²/R; insulation is left out. Cores and screws are iron.
+Coils on a board lie on its laminate; its pins, spacers and screws are left out.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from math import pi
@@ -16,7 +18,9 @@ import numpy as np
 
 from padgen.core.errors import InfeasibleError
 from padgen.core.units import COPPER_KG_PER_M3, COPPER_OHM_M, G_PER_CM3, GRAM, MG, MM
+from padgen.physics.board_coil import LAMINATE_KG_PER_M3
 from padgen.physics.modes import RigidBody, box, combine, combine_stacked, ring
+from padgen.planner.board_layout import board_of
 from padgen.planner.fixtures import Tray, plan_tray
 from padgen.planner.layout import coil_axis_mm, corner_groove
 from padgen.planner.plan import TURNS, Channel, Plan, Taxel
@@ -121,6 +125,26 @@ class PadMass:
         return combine(*parts)
 
     @cached_property
+    def board(self) -> RigidBody | None:
+        """The laminate of the board that carries the coils, with the strip for its pins; None for wound coils.
+
+        A board that has no room for its tracks or pins, of which the plan has an error, counts with the pad's outline.
+        """
+        plan = self.plan
+        spec = plan.spec
+        if spec.coil.kind != "board":
+            return None
+        half_x = spec.pad.width_mm / 2 + spec.pad.border_mm
+        half_y = spec.pad.depth_mm / 2 + spec.pad.border_mm
+        outline_mm = (-half_x, -half_y, half_x, half_y)
+        with suppress(InfeasibleError):
+            outline_mm = board_of(plan).outline_mm
+        left, near, right, far = (side * MM for side in outline_mm)
+        top = (spec.mover_low_mm - spec.coil.gap_mm) * MM
+        low = top - spec.coil.length_mm * MM
+        return combine(box((left, near, low), (right, far, top), LAMINATE_KG_PER_M3))
+
+    @cached_property
     def screws(self) -> RigidBody | None:
         """The screws between pad and tray; None without any."""
         if not self.tray or not self.tray.screw:
@@ -137,8 +161,8 @@ class PadMass:
 
     @cached_property
     def whole(self) -> RigidBody:
-        """Pad, washers, tray, coils and screws as one."""
-        parts = [self.pad, self.coils, self.tray_body, self.screws]
+        """Pad, washers, tray or board, coils and screws as one."""
+        parts = [self.pad, self.coils, self.tray_body, self.board, self.screws]
         return combine(*(part for part in parts if part is not None))
 
     def momenta(self, centre: np.ndarray) -> np.ndarray:

@@ -91,7 +91,7 @@ class ShakenPad:
         self.leak = leaked_energy(plan)[1, channel_of]
 
     def _whole(self) -> RigidBody:
-        """Return pad, washers, tray, coils, screws and any base plate as one rigid body."""
+        """Return pad, washers, tray or board, coils, screws and any base plate as one rigid body."""
         base_kg = (self.mount.base_mass_g or 0.0) * GRAM
         if not base_kg:
             return self.masses.whole

@@ -5,11 +5,13 @@ left out; it evens temperatures out. The cold pad's drive table is then off the 
 that it leaves.
 """
 
-from math import pi, sqrt
+from math import ceil, pi, sqrt
+from typing import NamedTuple
 
 import numpy as np
 
 from padgen.core.units import COPPER_C, COPPER_J_PER_M3_K, COPPER_PER_K, G_PER_CM3, MH, MM
+from padgen.physics.board_coil import LAMINATE_J_PER_M3_K, LAMINATE_W_PER_M_K
 from padgen.physics.magnetics import impedance
 from padgen.physics.resonator import relative_energy
 from padgen.physics.warmth import (
@@ -37,10 +39,14 @@ WINDING_W_PER_M_K = 2.0
 """Conductivity across the wires of a winding, copper in varnish and air: 1 to 3."""
 CONTACT_M = 2e-4
 """Air between tray and table: assumed."""
+BOARD_HELD_M = 2e-3
+"""Air between a board and the table, on which it stands with the ends of its screws and pins: assumed."""
 TYPICAL_GAP_C = 40.0
 """Mean temperature for the radiation through the air gap; 20 K more are 7 % of the gap's conductance."""
 PLASTIC_J_PER_KG_K = 1500.0
 """Heat that a kilogram of plastic takes up per K: 1200 to 1800. Coils count as copper throughout."""
+WIDEST_CELL_MM = 4.0
+"""Widest cell of the thermal grid: a board's heat reaches some 6 mm."""
 LEAST_SHARE = 0.1
 """Least share of its resonance that a taxel keeps: of so soft a plastic a slope of stiffness says nothing."""
 
@@ -54,7 +60,7 @@ def planned_warmth(plan: Plan) -> Warm:
     room_c = spec.limits.room_c
     layers = warm_layers(plan)
     warm_c = temperatures(layers, room_c)
-    plates_c = _plates_c(plan, warm_c[1])
+    plates_c = _plates_c(plan, _means_of_strips(warm_c[1], *_strips(plan)))
     coil_c = float(warm_c[0].max())
     beam_c = float(plates_c.max())
     heat_w = plan.load.copper_loss_w * plan.coils.rows * plan.coils.columns
@@ -131,6 +137,7 @@ def _lines_by_voltages(plan: Plan, copper_c: float) -> np.ndarray:
 def _plates_c(plan: Plan, pad_c: np.ndarray) -> np.ndarray:
     """Return the temperatures (n, r, c) in °C of each channel's plate over each coil, by the coil's row and column.
 
+    `pad_c` are those of the pad over each strip of a quarter, its border included.
     A plate is as warm as the cells below it are on the mean. Turned cells are the mean of both ways.
     """
     columns = plan.coils.columns
@@ -168,65 +175,150 @@ def _coil_side_mm(plan: Plan) -> float:
 
 
 def warm_layers(plan: Plan) -> WarmLayers:
-    """Return the thermal grid of a quarter of a plan's pad and tray, whose first row and column are the border.
+    """Return the thermal grid of a quarter of a plan's pad with its tray or board; the outermost strips are the border.
 
-    Each coil's cell is divided into three by three, the coil being a square of its area in the middle.
+    Each coil's cell is divided into three by three strips, the coil being a square of its area in the middle.
     """
     spec = plan.spec
     pad = spec.pad
-    floor, socket_top, coil_top, height = (value * MM for value in _tray_heights_mm(plan))
     frame = pad.frame_thickness_mm * MM
-    side_mm = _coil_side_mm(plan)
-    width, coil_columns = _quarter(plan.coils.columns, plan.coils.pitch_x_mm, side_mm, pad.border_mm)
-    depth, coil_rows = _quarter(plan.coils.rows, plan.coils.pitch_y_mm, side_mm, pad.border_mm)
+    x, y = _strips(plan)
+    width = x.width_m
+    depth = y.width_m
     area = depth[:, None] * width
     is_border = np.ones(area.shape, bool)
-    is_border[1:, 1:] = False
-    is_coil = coil_rows[:, None] & coil_columns
+    is_border[y.border :, x.border :] = False
+    is_coil = y.is_coil[:, None] & x.is_coil
+    lower_of = _board_layer if spec.coil.kind == "board" else _tray_layer
+    lower = lower_of(plan, is_coil, is_border)
 
-    sheet = np.empty((2, *area.shape))
-    beside = PLASTIC_W_PER_M_K * socket_top + AIR_W_PER_M_K * (height - socket_top)
-    sheet[0] = np.where(is_border, PLASTIC_W_PER_M_K * height, beside)
-    sheet[0][is_coil] = PLASTIC_W_PER_M_K * floor + WINDING_W_PER_M_K * (coil_top - floor)
     # Windows are holes with plates in them that touch nothing: Maxwell's mixture in two dimensions.
     cell = plan.cell
     window_share = max(1 - pad.rib_mm / cell.width_mm, 0.0) * max(1 - pad.rib_mm / cell.depth_mm, 0.0)
-    sheet[1] = PLASTIC_W_PER_M_K * frame * np.where(is_border, 1.0, (1 - window_share) / (1 + window_share))
+    pad_sheet = PLASTIC_W_PER_M_K * frame * np.where(is_border, 1.0, (1 - window_share) / (1 + window_share))
+    through = area / (lower.to_pad + frame / 2 / PLASTIC_W_PER_M_K)
 
+    half_m = width.sum(), depth.sum()
+    ground = FOAM_W_PER_M_K if spec.mount.kind == "foam" else WOOD_W_PER_M_K
+    table = ground * plate_on_half_space(2 * half_m[0], 2 * half_m[1]) / (4 * half_m[0] * half_m[1])
+    below = area / (lower.to_table + 1 / table)
+    coil_m2 = (_coil_side_mm(plan) * MM) ** 2
+    heat = np.where(is_coil, plan.load.copper_loss_w * area / coil_m2, 0.0)
+
+    plastic_j_per_m3_k = spec.material.density_g_per_cm3 * G_PER_CM3 * PLASTIC_J_PER_KG_K
+    pad_j_per_m2_k = np.full(area.shape, plastic_j_per_m3_k * frame)
+    stored = area * np.stack([lower.stored_j_per_m2_k, pad_j_per_m2_k])
+    sheet = np.stack([lower.sheet_w_per_k, pad_sheet])
+    return WarmLayers(width, depth, heat, sheet, through, below, np.array([lower.height_m, frame]), stored)
+
+
+class _LowerLayer(NamedTuple):
+    """What carries the coils, as the lower layer of a thermal grid: arrays (r, c) in SI units.
+
+    `sheet_w_per_k` is conductivity times thickness, `to_pad` and `to_table` are resistances in m² K/W from it to the
+    pad's underside and to the table, `height_m` is that of its outer sides.
+    """
+
+    sheet_w_per_k: np.ndarray
+    to_pad: np.ndarray
+    to_table: np.ndarray
+    stored_j_per_m2_k: np.ndarray
+    height_m: float
+
+
+def _tray_layer(plan: Plan, is_coil: np.ndarray, is_border: np.ndarray) -> _LowerLayer:
+    """Return the tray with its wound coils as a layer; its rim touches the pad, and it stands on the table."""
+    floor, socket_top, coil_top, height = (value * MM for value in _tray_heights_mm(plan))
+    beside = PLASTIC_W_PER_M_K * socket_top + AIR_W_PER_M_K * (height - socket_top)
+    sheet = np.where(is_border, PLASTIC_W_PER_M_K * height, beside)
+    sheet[is_coil] = PLASTIC_W_PER_M_K * floor + WINDING_W_PER_M_K * (coil_top - floor)
     gap = np.where(
         is_coil,
         gap_w_per_m2_k(max(height - coil_top, CONTACT_M), TYPICAL_GAP_C),
         gap_w_per_m2_k(max(height - socket_top, CONTACT_M), TYPICAL_GAP_C),
     )
     rim = height / 2 / PLASTIC_W_PER_M_K
-    through = area / (np.where(is_border, rim, 1 / gap) + frame / 2 / PLASTIC_W_PER_M_K)
-
-    half_m = width.sum(), depth.sum()
-    ground = FOAM_W_PER_M_K if spec.mount.kind == "foam" else WOOD_W_PER_M_K
-    table = ground * plate_on_half_space(2 * half_m[0], 2 * half_m[1]) / (4 * half_m[0] * half_m[1])
     hole_share = np.where(is_coil, HOLE_SHARE**2, 0.0)
     floor_w_per_m2_k = (PLASTIC_W_PER_M_K * (1 - hole_share) + AIR_W_PER_M_K * hole_share) / floor
-    seat = np.where(is_border, rim, 1 / floor_w_per_m2_k)
-    below = area / (seat + CONTACT_M / AIR_W_PER_M_K + 1 / table)
-    heat = np.where(is_coil, plan.load.copper_loss_w * area / (side_mm * MM) ** 2, 0.0)
-
-    plastic_j_per_m3_k = spec.material.density_g_per_cm3 * G_PER_CM3 * PLASTIC_J_PER_KG_K
+    plastic_j_per_m3_k = plan.spec.material.density_g_per_cm3 * G_PER_CM3 * PLASTIC_J_PER_KG_K
     tray_j_per_m2_k = plastic_j_per_m3_k * np.where(is_border, height, socket_top)
     coil_j_per_m2_k = plastic_j_per_m3_k * floor + COPPER_J_PER_M3_K * (coil_top - floor)
-    pad_j_per_m2_k = np.full(area.shape, plastic_j_per_m3_k * frame)
-    stored = area * np.stack([np.where(is_coil, coil_j_per_m2_k, tray_j_per_m2_k), pad_j_per_m2_k])
-    return WarmLayers(width, depth, heat, sheet, through, below, np.array([height, frame]), stored)
+    return _LowerLayer(
+        sheet_w_per_k=sheet,
+        to_pad=np.where(is_border, rim, 1 / gap),
+        to_table=np.where(is_border, rim, 1 / floor_w_per_m2_k) + CONTACT_M / AIR_W_PER_M_K,
+        stored_j_per_m2_k=np.where(is_coil, coil_j_per_m2_k, tray_j_per_m2_k),
+        height_m=height,
+    )
 
 
-def _quarter(coils: int, pitch_mm: float, side_mm: float, border_mm: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return cell sizes in m of the thermal grid along x or y, from edge to middle, and a mask of the coils' cells."""
+def _board_layer(plan: Plan, is_coil: np.ndarray, is_border: np.ndarray) -> _LowerLayer:
+    """Return the board with its coils as a layer between two gaps of air, spacers and pins being left out.
+
+    So are its strip beyond the pad, and its copper, of which a radius crosses more gaps than tracks.
+    """
+    coil = plan.spec.coil
+    board = coil.length_mm * MM
+    gap_m = max((coil.gap_mm - plan.spec.mover_low_mm) * MM, CONTACT_M)
+    even = np.ones(is_coil.shape)
+    return _LowerLayer(
+        sheet_w_per_k=LAMINATE_W_PER_M_K * board * even,
+        to_pad=even / gap_w_per_m2_k(gap_m, TYPICAL_GAP_C),
+        to_table=even / gap_w_per_m2_k(BOARD_HELD_M, TYPICAL_GAP_C),
+        stored_j_per_m2_k=LAMINATE_J_PER_M3_K * board * even,
+        height_m=board,
+    )
+
+
+class _Strips(NamedTuple):
+    """Strips of the thermal grid along x or y, from a pad's edge to its middle: border, beside a coil, coil, beside, …
+
+    `width_m` and `is_coil` are those of the cells (n,), of which each strip has one or more; `first` is the index of
+    each strip's first cell.
+    """
+
+    width_m: np.ndarray
+    is_coil: np.ndarray
+    first: np.ndarray
+
+    @property
+    def border(self) -> int:
+        """Number of cells in the border."""
+        return int(self.first[1])
+
+
+def _strips(plan: Plan) -> tuple[_Strips, _Strips]:
+    """Return the strips of a plan's thermal grid along x and along y."""
+    side_mm = _coil_side_mm(plan)
+    grid = plan.coils
+    border_mm = plan.spec.pad.border_mm
+    return (
+        _quarter(grid.columns, grid.pitch_x_mm, side_mm, border_mm),
+        _quarter(grid.rows, grid.pitch_y_mm, side_mm, border_mm),
+    )
+
+
+def _quarter(coils: int, pitch_mm: float, side_mm: float, border_mm: float) -> _Strips:
+    """Return the strips from edge to middle of a pad, with cells of at most `WIDEST_CELL_MM`."""
     beside_mm = (pitch_mm - side_mm) / 2
-    sides_mm = [border_mm, *([beside_mm, side_mm, beside_mm] * coils), border_mm]
+    strips_mm = [border_mm, *([beside_mm, side_mm, beside_mm] * coils), border_mm]
     is_coil = [False, *([False, True, False] * coils), False]
-    half = (len(sides_mm) + 1) // 2
-    if len(sides_mm) % 2:
-        sides_mm[half - 1] /= 2
-    return np.array(sides_mm[:half]) * MM, np.array(is_coil[:half])
+    half = (len(strips_mm) + 1) // 2
+    if len(strips_mm) % 2:
+        strips_mm[half - 1] /= 2
+    cells = np.array([max(ceil(strip_mm / WIDEST_CELL_MM), 1) for strip_mm in strips_mm[:half]])
+    return _Strips(
+        width_m=np.repeat(np.array(strips_mm[:half]) / cells, cells) * MM,
+        is_coil=np.repeat(is_coil[:half], cells),
+        first=np.cumsum(cells) - cells,
+    )
+
+
+def _means_of_strips(cells: np.ndarray, x: _Strips, y: _Strips) -> np.ndarray:
+    """Return the means (r, c) of a grid's cells over each strip's width and depth."""
+    by_column = np.add.reduceat(cells * x.width_m, x.first, axis=1) / np.add.reduceat(x.width_m, x.first)
+    by_row = np.add.reduceat(by_column * y.width_m[:, None], y.first, axis=0)
+    return np.asarray(by_row / np.add.reduceat(y.width_m, y.first)[:, None])
 
 
 def _tray_heights_mm(plan: Plan) -> tuple[float, float, float, float]:

@@ -122,13 +122,23 @@ def test_more_heat_makes_coils_and_beams_warmer_however_hot_they_are():
     assert (np.diff(rises, axis=0) > 0).all()
 
 
-@pytest.mark.parametrize("name", ["pad-32", "eight"])
+@pytest.mark.parametrize("name", ["pad-32", "eight", "board-32"])
 def test_coils_and_beams_are_as_warm_as_a_heat_solution_says(name):
     plan = measure_warm.plan_of(name)
     found = measure_warm.solved(plan)
     warm = plan.warm
     assert warm.coil_c - warm.room_c == pytest.approx(found.coil_k, rel=warm.error)
     assert warm.beam_rise_k == pytest.approx(found.beam_k, rel=warm.error)
+
+
+@pytest.mark.soak
+def test_boards_are_as_warm_as_a_heat_solution_says():
+    ratios = []
+    for plan in measure_warm.board_plans(12):
+        ratios.append((plan.warm.coil_c - plan.warm.room_c) / measure_warm.solved(plan).coil_k)
+    off = np.abs(np.array(ratios) - 1)
+    assert (off <= 0.2).sum() >= 10  # by 1.25 mm cells; of one coil alone the table takes more than plans count with
+    assert off.max() < 0.35
 
 
 def test_hot_beams_are_an_error_with_a_level_that_keeps_them_cool(tmp_path, capsys):
@@ -337,7 +347,7 @@ def test_the_command_says_for_which_warmth_it_drives(tmp_path, capsys):
         assert cli.run([*arguments, *(["-o", str(tmp_path / "x")] if arguments[0] == "drive" else [])]) == 2
         assert "--warm" in capsys.readouterr().err
     assert cli.run(["plan", "paper-pair", "--verbose", "-o", str(tmp_path / "p")]) == 0
-    assert "(1.9 dB less than planned), driven by its voltages 2.8 dB less" in " ".join(capsys.readouterr().out.split())
+    assert "(1.9 dB less than planned), driven by its voltages 2.7 dB less" in " ".join(capsys.readouterr().out.split())
 
 
 def test_a_file_that_is_played_over_and_over_is_as_warm_as_its_heat(tmp_path, eight):
