@@ -342,7 +342,7 @@ def build(
         The pad's plan or spec.
     parts : sequence of str
         Parts beside the pad: 'tray' (holds the coils), 'coupon' (one taxel of each kind), 'coupon-tray',
-        'guard' (the plate round the pins).
+        'guard' (the plate round the pins), 'spacer' (the frame between pad and board).
     tolerance : float or str, optional
         As in `padgen.plan`, where a spec is given.
     progress : callable

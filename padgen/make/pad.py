@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 __all__ = ["PARTS", "Built", "Pad", "current_build", "parse_formats", "parse_parts"]
 
-PARTS = ("coupon", "coupon-tray", "tray", "guard")
+PARTS = ("coupon", "coupon-tray", "tray", "guard", "spacer")
 """Names of the parts that can be made beside the pad, see `padgen.solid.parts`."""
 
 
@@ -152,7 +152,7 @@ class Pad:
 
     @cached_property
     def beside(self) -> "tuple[Part, ...]":
-        """The extra printed parts that `parts` names (coupon, trays, guard), each modelled and checked."""
+        """The extra printed parts that `parts` names (coupon, trays, guard, spacer), each modelled and checked."""
         if not self.parts:
             return ()
         from padgen.solid.parts import build_part

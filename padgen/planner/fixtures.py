@@ -38,11 +38,14 @@ from padgen.planner.plan import NOT_JUDGED, CoilGrid, Plan, Reuse
 __all__ = [
     "LeadSlot",
     "Screw",
+    "Spacer",
     "Tray",
     "coupon_groove",
     "coupon_plan",
+    "plan_spacer",
     "plan_tray",
     "screw_for",
+    "spacer_findings",
     "spacer_mm",
     "tray_findings",
     "tray_room_findings",
@@ -240,7 +243,8 @@ def plan_tray(plan: Plan) -> Tray:
     pad = spec.pad
     if coil.kind == "board":
         raise InfeasibleError(
-            f"coils on a board need no tray: it is screwed to the pad over spacers of {number(spacer_mm(plan))} mm",
+            f"coils on a board need no tray: it is screwed to the pad over spacers of {number(spacer_mm(plan))} mm, or"
+            " over the part 'spacer'",
             "--parts",
         )
     # Whole layers: enough for the floor, and as near as they come to the height above it.
@@ -281,21 +285,73 @@ def spacer_mm(plan: Plan) -> float:
     return round(plan.spec.coil.gap_mm - plan.spec.mover_low_mm, 6)
 
 
+@dataclass(frozen=True, slots=True)
+class Spacer:
+    """Dimensions of the frame between pad and board: x and y from the pad's centre, in mm.
+
+    `gap_mm` is the coils' gap that it makes. `groove` marks the corner of the coil in row 0, column 0.
+    """
+
+    name: str
+    height_mm: float
+    gap_mm: float
+    hole_diameter_mm: float
+    holes_mm: tuple[tuple[float, float], ...]
+    groove: Outline
+
+
+def plan_spacer(plan: Plan) -> Spacer:
+    """Return the spacer for the board of `plan`, of whole layers as near as they come to the planned height.
+
+    Raises
+    ------
+    InfeasibleError
+        The coils are wound, and stand in a tray.
+    """
+    spec = plan.spec
+    if spec.coil.kind != "board":
+        raise InfeasibleError("wound coils need no spacer: they stand in a tray, part 'tray'", "--parts")
+    pad = spec.pad
+    wanted_mm = spacer_mm(plan)
+    more = spec.printer.layers_up_to(wanted_mm)
+    heights_mm = [spec.printer.height_mm(layers) for layers in {max(more - 1, 1), more}]
+    height_mm = min(heights_mm, key=lambda height: abs(height - wanted_mm))
+    x = (pad.width_mm + pad.border_mm) / 2
+    y = (pad.depth_mm + pad.border_mm) / 2
+    corners = tuple((sx * x, sy * y) for sx in (-1, 1) for sy in (-1, 1))
+    return Spacer(
+        name=f"{plan.name}-spacer",
+        height_mm=height_mm,
+        gap_mm=round(height_mm + spec.mover_low_mm, 6),
+        hole_diameter_mm=pad.hole_diameter_mm,
+        holes_mm=corners if pad.hole_diameter_mm else (),
+        groove=corner_groove(spec),
+    )
+
+
+def spacer_findings(plan: Plan, spacer: Spacer) -> tuple[Finding, ...]:
+    """Return a finding about a spacer whose whole layers change the gap."""
+    return tuple(_rounded_gap(plan, spacer.gap_mm, "spacer"))
+
+
+def _rounded_gap(plan: Plan, made_mm: float, part: str) -> Iterator[Finding]:
+    """Yield a finding where a `part` in whole layers makes another gap than planned: a warning if much another."""
+    spec = plan.spec
+    off = made_mm - spec.coil.gap_mm
+    if abs(off) > 1e-6:
+        yield Finding(
+            "warning" if abs(off) > GAP_SHARE * spec.coil.gap_mm else "note",
+            f"{part}.gap",
+            part,
+            f"in layers of {number(spec.printer.layer_mm)} mm the gap comes out as {number(made_mm)} mm,"
+            f" planned are {number(spec.coil.gap_mm)} mm; coil.gap_mm = {number(made_mm)} would be met",
+        )
+
+
 def tray_findings(plan: Plan, tray: Tray) -> tuple[Finding, ...]:
     """Return findings about a tray: a gap changed by rounding to layers, plates that touch coils, heads on plates."""
     spec = plan.spec
-    findings = []
-    off = tray.gap_mm - spec.coil.gap_mm
-    if abs(off) > 1e-6:
-        findings.append(
-            Finding(
-                "warning" if abs(off) > GAP_SHARE * spec.coil.gap_mm else "note",
-                "tray.gap",
-                "tray",
-                f"in layers of {number(spec.printer.layer_mm)} mm the gap comes out as {number(tray.gap_mm)} mm,"
-                f" planned are {number(spec.coil.gap_mm)} mm; coil.gap_mm = {number(tray.gap_mm)} would be met",
-            )
-        )
+    findings = list(_rounded_gap(plan, tray.gap_mm, "tray"))
     lowest = max(plan.channels, key=lambda c: c.level_um + c.sag_um + c.static_um)
     travel = (lowest.level_um + lowest.sag_um + lowest.static_um) * UM / MM
     if travel >= tray.clear_mm:

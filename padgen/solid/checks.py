@@ -4,7 +4,7 @@ Checks of the mesh alone need a printer's limits only. With a plan, the built di
 ones, too.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict, astuple, dataclass, replace
 from math import isfinite
 from typing import Any, NamedTuple
@@ -40,8 +40,10 @@ __all__ = [
     "check_against",
     "check_mesh",
     "check_pad",
+    "check_part",
     "difference_findings",
     "first_of_each_code",
+    "off_findings",
     "volume_findings",
 ]
 
@@ -359,6 +361,51 @@ def _pierced(mesh: Mesh, where: str = "mesh") -> Iterator[Finding]:
             f"{least}{len(pairs)} pairs of triangles pierce each other, must be 0; the first near"
             f" {_spot(*mesh.corners_mm[pairs[0, 0]].mean(0).tolist())}",
         )
+
+
+def check_part(
+    what: str,
+    code: str,
+    built: Mesh,
+    exact_mm3: float,
+    spec: Spec,
+    gauges_of: Callable[[Any], Iterable[Dimension]],
+    mesh: Mesh | None = None,
+) -> Report:
+    """Return the report of a part printed beside the pad: of its `built` mesh, or of a `mesh` read from a file.
+
+    `what` names it in messages and `code` in findings of sizes that are off; `gauges_of` measures its solid.
+    """
+    mesh = mesh or built
+    report = check_mesh(mesh, spec.printer, spec.material.density_g_per_cm3)
+    figures = {**report.figures, "exact_volume_mm3": exact_mm3}
+    findings = [*report.findings, *volume_findings(report.figures["volume_mm3"], exact_mm3)]
+    try:
+        solid = as_manifold(mesh, what)
+    except GeometryError:
+        # check_mesh has reported it.
+        return Report(figures, tuple(findings))
+    if mesh is not built:
+        differing = differences(solid, as_manifold(built, f"{what} as planned"))
+        findings += first_of_each_code(difference_findings([], differing, None))
+    gauges = list(gauges_of(solid))
+    findings += first_of_each_code(off_findings(gauges, code))
+    off = [abs(g.built_mm - g.planned_mm) for g in gauges if isfinite(g.built_mm) and not g.facets_mm]
+    figures["largest_difference_from_plan_mm"] = max(off, default=None)
+    figures["measured_dimensions"] = len(gauges)
+    return Report(figures, tuple(findings))
+
+
+def off_findings(gauges: Iterable[Dimension], code: str) -> Iterator[Finding]:
+    """Yield an error with this code for each dimension of a part that is not as planned."""
+    for gauge in gauges:
+        within_mm = BUILT_MM + gauge.facets_mm
+        if not abs(gauge.built_mm - gauge.planned_mm) <= within_mm:
+            sentence = (
+                f"its {gauge.name} is {as_built(gauge.built_mm)}, planned are {number(gauge.planned_mm)} mm within"
+                f" {number(within_mm)} mm"
+            )
+            yield Finding("error", code, gauge.where, sentence)
 
 
 def volume_findings(built: float, exact: float) -> Iterator[Finding]:

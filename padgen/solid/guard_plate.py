@@ -6,27 +6,19 @@ It is modelled as it is printed, its top on the bed and its pockets up: turned a
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from math import isfinite, nan
+from functools import partial
+from math import nan
 from typing import Any
 
 import numpy as np
 
-from padgen.core.errors import Finding, GeometryError, number
+from padgen.core.errors import number
 from padgen.planner.guard import GuardPlate, plan_guard
 from padgen.planner.plan import Plan
-from padgen.solid.checks import (
-    BUILT_MM,
-    Report,
-    as_built,
-    check_mesh,
-    difference_findings,
-    first_of_each_code,
-    volume_findings,
-)
-from padgen.solid.compare import differences
+from padgen.solid.checks import Report, check_part
 from padgen.solid.kernel import build123d, kernel_errors
 from padgen.solid.measure import Dimension, distance_to_sides, holes_of, ray_distance_mm
-from padgen.solid.mesh import CHORD_MM, Mesh, as_manifold, tessellated
+from padgen.solid.mesh import CHORD_MM, Mesh, tessellated
 from padgen.solid.taxel import box, only_solid
 from padgen.spec import PadTable
 
@@ -82,25 +74,15 @@ def check_guard(built: GuardSolid, plan: Plan, mesh: Mesh | None = None) -> Repo
 
     What the plate does to pins and hands is judged with the plan.
     """
-    spec = plan.spec
-    mesh = mesh or built.mesh
-    report = check_mesh(mesh, spec.printer, spec.material.density_g_per_cm3)
-    figures = {**report.figures, "exact_volume_mm3": built.volume_mm3}
-    findings = [*report.findings, *volume_findings(report.figures["volume_mm3"], built.volume_mm3)]
-    try:
-        solid = as_manifold(mesh, "the guard plate")
-    except GeometryError:
-        # check_mesh has reported it.
-        return Report(figures, tuple(findings))
-    if mesh is not built.mesh:
-        differing = differences(solid, as_manifold(built.mesh, "the guard plate as planned"))
-        findings += first_of_each_code(difference_findings([], differing, None))
-    gauges = list(measured_guard(built.guard, solid))
-    findings += first_of_each_code(_off(gauges))
-    off = [abs(g.built_mm - g.planned_mm) for g in gauges if isfinite(g.built_mm) and not g.facets_mm]
-    figures["largest_difference_from_plan_mm"] = max(off, default=None)
-    figures["measured_dimensions"] = len(gauges)
-    return Report(figures, tuple(findings))
+    return check_part(
+        "the guard plate",
+        "guard.built",
+        built.mesh,
+        built.volume_mm3,
+        plan.spec,
+        partial(measured_guard, built.guard),
+        mesh,
+    )
 
 
 def measured_guard(guard: GuardPlate, solid: Any) -> Iterator[Dimension]:
@@ -134,15 +116,3 @@ def free_diameter(holes: list[np.ndarray], x: float, y: float) -> float:
         if (contour.min(0) < at).all() and (at < contour.max(0)).all():
             return 2 * distance_to_sides(contour, at)
     return nan
-
-
-def _off(gauges: list[Dimension]) -> Iterator[Finding]:
-    """Yield an error for each dimension that is not as planned."""
-    for gauge in gauges:
-        within_mm = BUILT_MM + gauge.facets_mm
-        if not abs(gauge.built_mm - gauge.planned_mm) <= within_mm:
-            sentence = (
-                f"its {gauge.name} is {as_built(gauge.built_mm)}, planned are {number(gauge.planned_mm)} mm within"
-                f" {number(within_mm)} mm"
-            )
-            yield Finding("error", "guard.built", gauge.where, sentence)

@@ -34,12 +34,12 @@ from padgen.planner.plan import Plan
 from padgen.solid.checks import (
     BUILT_MM,
     Report,
-    as_built,
     check_against,
     check_mesh,
     check_pad,
     difference_findings,
     first_of_each_code,
+    off_findings,
     volume_findings,
 )
 from padgen.solid.compare import Pose, differences, pose_of
@@ -50,6 +50,7 @@ from padgen.solid.kernel import build123d, kernel_errors
 from padgen.solid.measure import Dimension, holes_of, ray_distance_mm
 from padgen.solid.mesh import CHORD_MM, Mesh, as_manifold, sound_mesh, tessellated
 from padgen.solid.pad_solid import PadSolid, build_pad
+from padgen.solid.spacer import SpacerSolid, build_spacer, check_spacer
 from padgen.solid.taxel import box, only_solid
 from padgen.spec import Coil, PadTable, Spec
 
@@ -75,6 +76,9 @@ class TraySolid:
     mesh: Mesh
     volume_mm3: float
     solid: Any
+
+
+PartSolid = PadSolid | TraySolid | GuardSolid | SpacerSolid
 
 
 def build_tray(plan: Plan) -> TraySolid:
@@ -173,7 +177,11 @@ def check_tray(built: TraySolid, plan: Plan, mesh: Mesh | None = None) -> Report
         differing = differences(solid, as_manifold(built.mesh, "the tray as planned"))
         findings += first_of_each_code(difference_findings([], differing, None))
     gauges = list(measured_tray(tray, spec, solid))
-    findings += [*first_of_each_code(_off(gauges)), *_gap(plan, gauges, figures), *_free(tray, spec, mesh, solid)]
+    findings += [
+        *first_of_each_code(off_findings(gauges, "tray.built")),
+        *_gap(plan, gauges, figures),
+        *_free(tray, spec, mesh, solid),
+    ]
     off = [abs(g.built_mm - g.planned_mm) for g in gauges if isfinite(g.built_mm) and not g.facets_mm]
     figures["largest_difference_from_plan_mm"] = max(off, default=None)
     figures["measured_dimensions"] = len(gauges)
@@ -217,16 +225,6 @@ def _top(solid: Any, tray: Tray, x: float, y: float) -> float:
     """Return the height in mm of the tray's highest face at a place, nan where there is none."""
     high = tray.height_mm + 1.0
     return high - ray_distance_mm(solid, (x, y, high), (x, y, -1.0))
-
-
-def _off(gauges: list[Dimension]) -> Iterator[Finding]:
-    """Yield an error for each dimension that is not as planned."""
-    for g in gauges:
-        within_mm = BUILT_MM + g.facets_mm
-        if not abs(g.built_mm - g.planned_mm) <= within_mm:
-            planned = f"{number(g.planned_mm)} mm within {number(within_mm)} mm"
-            sentence = f"its {g.name} is {as_built(g.built_mm)}, planned are {planned}"
-            yield Finding("error", "tray.built", g.where, sentence)
 
 
 def _gap(plan: Plan, gauges: list[Dimension], figures: dict[str, Any]) -> Iterator[Finding]:
@@ -300,12 +298,12 @@ def build_coupon(plan: Plan) -> tuple[Plan, PadSolid]:
 
 
 def build_part(plan: Plan, name: str) -> Part:
-    """Model and check the part of `plan` with this name: ``"tray"``, ``"coupon"``, ``"coupon-tray"`` or ``"guard"``.
+    """Model and check the part of `plan` with this name, one of `padgen.make.pad.PARTS`.
 
     Raises
     ------
     InfeasibleError
-        The plan's coils do not fit a tray.
+        The plan's coils do not fit a tray, or the spec has no such part.
     GeometryError
         A kernel refused the part.
     """
@@ -321,6 +319,10 @@ def build_part(plan: Plan, name: str) -> Part:
         guard = build_guard(plan)
         use = "lies on the pad, a hole round each pin, and bears the hand"
         return Part(name, guard.guard.name, use, guard.mesh, guard.solid, check_guard(guard, plan))
+    if name == "spacer":
+        spacer = build_spacer(plan)
+        use = "lies between board and pad, and keeps the coils at their gap"
+        return Part(name, spacer.spacer.name, use, spacer.mesh, spacer.solid, check_spacer(spacer, plan))
     of_coupon = name == "coupon-tray"
     over = coupon_plan(plan) if of_coupon else plan
     tray = build_tray(over)
@@ -406,7 +408,7 @@ logging.getLogger("trimesh").addHandler(logging.NullHandler())
 
 LEAST_LIKENESS = 0.2
 """Least likeness of a mesh to a part (share of the part's corners found, less the difference in size)."""
-SURE_LIKENESS = {"pad": 0.999, "coupon": 0.5, "guard": 0.5, "tray": 0.5, "coupon-tray": 0.0}
+SURE_LIKENESS = {"pad": 0.999, "coupon": 0.5, "guard": 0.5, "spacer": 0.5, "tray": 0.5, "coupon-tray": 0.0}
 """Likeness from which no further parts are tried, by part. Trays come last, as they load the CAD kernel."""
 
 
@@ -473,8 +475,7 @@ def check_foreign(mesh: Mesh, spec: Spec, plan: Plan | None) -> Report:
             "error",
             "built.other",
             "mesh",
-            f"it is neither the pad {spec.name} nor its coupon nor a tray for either; name the spec or plan.json that"
-            " it was built by",
+            f"it is neither the pad {spec.name} nor a part of it; name the spec or plan.json that it was built by",
         )
         return Report(report.figures | limits, (*report.findings, *([] if plan is None else [unknown])))
     name, part_plan, solid, pose = recognised
@@ -483,12 +484,14 @@ def check_foreign(mesh: Mesh, spec: Spec, plan: Plan | None) -> Report:
         report = check_tray(solid, part_plan, laid)
     elif isinstance(solid, GuardSolid):
         report = check_guard(solid, part_plan, laid)
+    elif isinstance(solid, SpacerSolid):
+        report = check_spacer(solid, part_plan, laid)
     else:
         report = check_against(laid, solid, part_plan)
     return Report(report.figures | limits | {"part": name}, (*pose.findings(), *report.findings))
 
 
-def _recognised(mesh: Mesh, plan: Plan) -> tuple[str, Plan, PadSolid | TraySolid | GuardSolid, Pose] | None:
+def _recognised(mesh: Mesh, plan: Plan) -> tuple[str, Plan, PartSolid, Pose] | None:
     """Recognise the part that a mesh shows; return its name, plan, solid and the mesh's pose, or None."""
     best = None
     most = LEAST_LIKENESS
@@ -505,12 +508,14 @@ def _recognised(mesh: Mesh, plan: Plan) -> tuple[str, Plan, PadSolid | TraySolid
     return best
 
 
-def _parts(plan: Plan) -> Iterator[tuple[str, Plan, PadSolid | TraySolid | GuardSolid]]:
+def _parts(plan: Plan) -> Iterator[tuple[str, Plan, PartSolid]]:
     yield "pad", plan, build_pad(plan)
     coupon, solid = build_coupon(plan)
     yield "coupon", coupon, solid
     if plan.spec.guard.thickness_mm:
         yield "guard", plan, build_guard(plan)
+    if plan.spec.coil.kind == "board":
+        yield "spacer", plan, build_spacer(plan)
     for name, over in (("tray", plan), ("coupon-tray", coupon)):
         with suppress(InfeasibleError):
             yield name, over, build_tray(over)

@@ -13,12 +13,18 @@ import pytest
 
 import padgen as pg
 from padgen.core.errors import InfeasibleError
+from padgen.core.units import COPPER_OHM_M
 from padgen.planner.board_layout import PIN_DRILL_MM, arc_centre, board_of
 from padgen.planner.coils.board import board_coil, completed, house_of
+from padgen.planner.fixtures import plan_spacer, spacer_findings
+from padgen.planner.pad_mass import PadMass
 from padgen.solid.formats import board as board_format
 from padgen.solid.gerber import gerber_files
 from padgen.solid.kicad import pcb_text, project_text
+from padgen.solid.parts import check_foreign
+from padgen.solid.spacer import build_spacer, check_spacer
 from padgen.spec import catalogue, load_spec
+from tests import gerber_pixels
 
 PAD = {"name": "board", "resolution": 32, "band_hz": [80, 320], "q_min": 15, "delta_y": 5, "magnet": "disc-3x1"}
 
@@ -253,6 +259,78 @@ def test_kicad_finds_what_is_broken(plan, tmp_path):
     kinds = [set(one["kinds"]) for one in found]
     assert "clearance" in kinds[0] and found[0]["counts"][0] > 0
     assert found[1]["counts"][1] > 0 and found[2]["counts"][1] > 0
+
+
+@pytest.mark.kicad
+@pytest.mark.parametrize(
+    "coil", [{"outer_diameter_mm": 6}, {"outer_diameter_mm": 8, "house": "heavy-0.2", "wiring": "parallel"}]
+)
+def test_nets_have_their_resistance_in_pictures_of_the_gerbers(coil, tmp_path):
+    """Pixels of 5 µm draw a track of 0.15 mm up to half a pixel too wide on either side: 3 %."""
+    plan = pg.plan({**PAD, "resolution": 1, "coil": {"kind": "board", "grid": [1, 1], **coil}, "pad": {"width_mm": 28}})
+    board = board_of(plan)
+    copper = board_coil(plan.spec.coil)
+    for name, text in gerber_files(board).items():
+        (tmp_path / name).write_text(text)
+    left, near, right, far = board.outline_mm
+    pixel_mm = 0.005
+    layers = [
+        gerber_pixels.picture(tmp_path / f"copper-{k + 1}.gbr", (left, near), (right - left, far - near), pixel_mm)
+        for k in range(board.layers)
+    ]
+    holes = []
+    for hole in (*board.vias, *board.pins):
+        drill_mm = hole.drill_mm if hole in board.vias else PIN_DRILL_MM
+        barrel = gerber_pixels.barrel_ohms(copper.depth, drill_mm * 1e-3, copper.plating, COPPER_OHM_M)
+        holes.append((*hole.at_mm, drill_mm, barrel))
+    sheet_ohm = [COPPER_OHM_M / thickness for thickness in copper.copper]
+    pins = (len(holes) - 2, len(holes) - 1)
+    seen_ohm = gerber_pixels.pixel_ohm(layers, sheet_ohm, holes, (left, near), pixel_mm, pins)
+    assert seen_ohm == pytest.approx(plan.spec.coil.resistance_ohm + board.leads_ohm[0], rel=0.03)
+
+
+def test_a_board_weighs_what_its_outline_says(plan):
+    """Laminate of 1.85 g/cm³ within the outline's file, its screw holes not drilled."""
+    board = board_of(plan)
+    corners = np.array(re.findall(r"X(-?\d+)Y(-?\d+)D0[12]\*", gerber_files(board)["outline.gbr"]), float) / 1e6
+    x, y = corners.T
+    area_mm2 = abs((x * np.roll(y, 1) - y * np.roll(x, 1)).sum()) / 2
+    body = PadMass(plan).board
+    assert body.mass == pytest.approx(area_mm2 * plan.spec.coil.length_mm * 1.85e-6, rel=1e-9)
+    assert body.centroid[1] == pytest.approx((y.min() + y.max()) / 2 * 1e-3)  # nearer to the pins than the pad's centre
+    assert PadMass(plan).whole.mass == pytest.approx(PadMass(plan).pad.mass + PadMass(plan).coils.mass + body.mass)
+
+
+def test_a_spacer_lies_between_board_and_pad(plan, tmp_path):
+    """Its volume by hand; a mesh that is higher, or a hole narrower, is told; turned it is recognised."""
+    spacer = build_spacer(plan)
+    sizes = spacer.spacer
+    pad = plan.spec.pad
+    assert (sizes.height_mm, sizes.gap_mm) == pytest.approx((0.9, plan.spec.coil.gap_mm))
+    x_mm, y_mm = (side + 2 * pad.border_mm for side in (pad.width_mm, pad.depth_mm))
+    corner = 4 - np.pi
+    area_mm2 = x_mm * y_mm - corner * (pad.border_mm / 2) ** 2 - pad.width_mm * pad.depth_mm
+    area_mm2 -= np.pi * pad.hole_diameter_mm**2
+    groove = sizes.groove
+    area_mm2 -= (groove.x1 - groove.x0) * (groove.y1 - max(groove.y0, -y_mm / 2))
+    assert spacer.volume_mm3 == pytest.approx(area_mm2 * 0.9, rel=1e-6)
+    assert not [one for one in check_spacer(spacer, plan).findings if one.level != "note"]
+    mesh = spacer.mesh
+    turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    turned = mesh._replace(vertices_mm=mesh.vertices_mm @ turn.T + 20.0)
+    assert check_foreign(turned, plan.spec, plan).figures["part"] == "spacer"
+    higher = mesh._replace(vertices_mm=mesh.vertices_mm * [1.0, 1.0, 1.1])
+    assert "spacer.built" in {one.code for one in check_spacer(spacer, plan, higher).findings}
+
+
+def test_a_spacer_in_other_layers_makes_another_gap(plan):
+    finer = replace(plan, spec=replace(plan.spec, coil=replace(plan.spec.coil, gap_mm=0.75)))
+    assert plan_spacer(finer).height_mm == pytest.approx(0.7)  # a first layer of 0.3 mm and two of 0.2
+    (finding,) = spacer_findings(finer, plan_spacer(finer))
+    assert finding.code == "spacer.gap" and "gap comes out as 0.8 mm" in finding.message
+    wound = replace(plan, spec=replace(plan.spec, coil=replace(plan.spec.coil, kind="solenoid")))
+    with pytest.raises(InfeasibleError, match="wound coils need no spacer"):
+        plan_spacer(wound)
 
 
 def test_a_plan_tells_that_its_board_has_no_room_for_tracks():

@@ -19,8 +19,10 @@ from padgen.planner.fixtures import (
     coil_axis_mm,
     coupon_groove,
     coupon_plan,
+    plan_spacer,
     plan_tray,
     screw_for,
+    spacer_findings,
     tray_findings,
 )
 from padgen.solid.checks import check_pad
@@ -37,6 +39,8 @@ from tests.tampering import from_manifold, stl_mesh
 GRID = FOUR_LINES.replace("resolution = 4", "resolution = 8") + "[pad]\nwidth_mm = 25\ndepth_mm = 25\n"
 COILS = GRID + "[coil]\ngrid = [2, 2]\n"
 ALTERNATE = COILS + "reuse = 'alternate'\n"
+BESIDE = tuple(name for name in PARTS if name != "spacer")
+"""The parts of a pad over wound coils."""
 TINY_COIL = {"inner_diameter_mm": 0.5, "core_diameter_mm": 0.5}
 ROUND_MM = 0.02
 """Tolerance of diameters: the chords on both sides."""
@@ -382,7 +386,7 @@ def test_coupons_of_odd_pads(plan):
 
 @pytest.fixture(scope="module")
 def parts(plan):
-    return built_parts(plan, PARTS)
+    return built_parts(plan, BESIDE)
 
 
 def built_parts(plan, names):
@@ -409,7 +413,7 @@ def test_a_guard_plate_that_the_spec_lacks_is_refused_with_what_would_add_one(pl
 
 def test_files_of_parts(plan, parts, tmp_path):
     files = written(plan, parts, tmp_path / "one")
-    assert set(files) == {f"{p}.{f}" for p in PARTS for f in ("stl", "3mf", "step")} - {"coupon.step"}
+    assert set(files) == {f"{p}.{f}" for p in BESIDE for f in ("stl", "3mf", "step")} - {"coupon.step"}
     for part in parts:
         # Single precision.
         again = signed_volume_mm3(stl_mesh(files[f"{part.name}.stl"]))
@@ -421,7 +425,7 @@ def test_files_of_parts(plan, parts, tmp_path):
         assert [f for f in part.report.findings if f.level == "error"] == []
     (solid,) = build123d().import_step(tmp_path / "one" / "tray.step").solids()
     assert solid.volume == pytest.approx(parts[2].solid.volume, rel=1e-6)
-    assert files == written(plan, built_parts(plan, PARTS[::-1]), tmp_path / "two")
+    assert files == written(plan, built_parts(plan, BESIDE[::-1]), tmp_path / "two")
 
 
 def test_the_coupons_tray_holds_its_coil(plan, coupon, parts):
@@ -436,8 +440,9 @@ def test_the_coupons_tray_holds_its_coil(plan, coupon, parts):
 def test_every_template_has_a_tray_and_a_coupon(name):
     plan = pg.plan(name)
     if plan.spec.coil.kind == "board":
-        with pytest.raises(InfeasibleError, match=r"^--parts: coils on a board need no tray: .* of 0\.[39] mm$"):
+        with pytest.raises(InfeasibleError, match=r"^--parts: coils on a board need no tray: .* 'spacer'$"):
             plan_tray(plan)
+        assert spacer_findings(plan, plan_spacer(plan)) == ()
         return
     tray = plan_tray(plan)
     own = coupon_plan(plan)

@@ -52,7 +52,7 @@ def write(out: OutputFolder, job: ExportJob) -> None:
             "spacer",
             len(board.holes),
             "pieces",
-            f"{number(spacer_mm(job.plan))} mm, between board and pad at each screw",
+            f"{number(spacer_mm(job.plan))} mm, between board and pad at each screw; or padgen build --parts spacer",
         ),
         ("board", 1, "pieces", f"{board.layers} layers, {number(board.thickness_mm)} mm: board.txt"),
     ]
