@@ -397,7 +397,10 @@ def _fan(
             pin = (targets[k], sign * (front_y + row * PIN_MM))
             start = _end_point(coil, layer, axis)
             level = sign * (begin + level_of[k] * step)
-            points = [start, (x, start[1]), (x, level), (targets[k] + shift, level), (targets[k] + shift, pin[1]), pin]
+            lane = (x, start[1])
+            points = [lane, (x, level), (targets[k] + shift, level), (targets[k] + shift, pin[1]), pin]
+            # Up to its lane a track is as wide as the coil's: a wider one's round end would touch the turn inside.
+            tracks.append(Track(net, layer, coil.track / MM, _rounded(start), _rounded(lane)))
             tracks += [
                 Track(net, layer, width, a, b)
                 for a, b in zip(map(_rounded, points), map(_rounded, points[1:]), strict=False)

@@ -4,7 +4,7 @@ import json
 import re
 import subprocess
 from dataclasses import replace
-from itertools import pairwise
+from itertools import pairwise, product
 from math import hypot
 from types import SimpleNamespace
 
@@ -25,6 +25,7 @@ from padgen.solid.parts import check_foreign
 from padgen.solid.spacer import build_spacer, check_spacer
 from padgen.spec import catalogue, load_spec
 from tests import gerber_pixels
+from tests.board_oracles import points_of
 
 PAD = {"name": "board", "resolution": 32, "band_hz": [80, 320], "q_min": 15, "delta_y": 5, "magnet": "disc-3x1"}
 
@@ -112,6 +113,24 @@ def test_resistances_between_pins_are_those_of_all_that_is_drawn(plan, wiring):
     for net in (1, 4, len(board.nets)):
         stated = of_coil.resistance_ohm + board.leads_ohm[net - 1]
         assert network_ohm(board, board_coil(of_coil), net) == pytest.approx(stated, rel=0.005)
+
+
+@pytest.mark.parametrize("wiring", ["series", "parallel"])
+def test_tracks_to_the_pins_keep_clear_of_the_turns(plan, wiring):
+    """KiCad does not look at distances within a net: all but the coil's last half turn is as far as the house asks."""
+    of_coil = completed({"kind": "board", "wiring": wiring, "gap_mm": plan.spec.coil.gap_mm})
+    board = board_of(replace(plan, spec=replace(plan.spec, coil=of_coil)))
+    for net, layer in product((1, 4, len(board.nets)), (0, board.layers - 1)):
+        own = [track for track in board.tracks if (track.net, track.layer) == (net, layer)]
+        turns = [track for track in own if track.middle_mm is not None][:-1]
+        ways = [track for track in own if track.middle_mm is None and max(map(abs, track.end_mm)) > 0]
+        leads = ways[1 + (wiring == "parallel") :]
+        assert len(leads) >= 3
+        copper = np.concatenate([points_of(track, 0.02) for track in turns])
+        for lead in leads:
+            way = points_of(lead, 0.02)
+            apart = np.linalg.norm(way[:, None] - copper, axis=-1).min()
+            assert apart - (lead.width_mm + of_coil.track_mm) / 2 > of_coil.space_mm - 0.005, (net, layer, lead)
 
 
 def drawn(text):
