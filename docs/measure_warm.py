@@ -48,7 +48,7 @@ CONTACT_MM = 0.2
 HELD_MM = 2.0
 STEP_MM = float(os.environ.get("STEP_MM", 1.25))
 
-# Beside templates: few and many coils, a wide pitch, a small gap, a strong level, another plastic, a warm room.
+# Beside templates: few and many coils, a wide pitch, a strong level, another plastic, coils on a board, a warm room.
 OWN: list[dict[str, Any]] = [
     {"name": "eight", "resolution": 8, "band_hz": [60, 200], "q_min": 15, "coil": {"grid": [2, 2]}},
     {"name": "loud", "resolution": 32, "band_hz": [50, 200], "q_min": 15, "drive": {"level_um": 20}},
@@ -61,6 +61,15 @@ OWN: list[dict[str, Any]] = [
         "coil": {"grid": [4, 4]},
     },
     {"name": "petg", "resolution": 48, "band_hz": [50, 250], "q_min": 15, "material": "petg"},
+    {
+        "name": "two-coils",
+        "resolution": 4,
+        "band_hz": [80, 400],
+        "q_min": 15,
+        "magnet": "disc-3x1",
+        "coil": {"kind": "board", "grid": [2, 1], "outer_diameter_mm": 8},
+        "pad": {"width_mm": 40, "depth_mm": 40},
+    },
     {"name": "warm-room", "resolution": 32, "band_hz": [80, 300], "q_min": 20, "limits": {"room_c": 35}},
 ]
 

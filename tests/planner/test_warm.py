@@ -122,7 +122,7 @@ def test_more_heat_makes_coils_and_beams_warmer_however_hot_they_are():
     assert (np.diff(rises, axis=0) > 0).all()
 
 
-@pytest.mark.parametrize("name", ["pad-32", "eight", "board-32"])
+@pytest.mark.parametrize("name", ["pad-32", "eight", "board-32", "two-coils"])
 def test_coils_and_beams_are_as_warm_as_a_heat_solution_says(name):
     plan = measure_warm.plan_of(name)
     found = measure_warm.solved(plan)

@@ -343,7 +343,7 @@ def test_a_spacer_lies_between_board_and_pad(plan, tmp_path):
 
 
 def test_a_spacer_in_other_layers_makes_another_gap(plan):
-    finer = replace(plan, spec=replace(plan.spec, coil=replace(plan.spec.coil, gap_mm=0.75)))
+    finer = replace(plan, spec=replace(plan.spec, coil=replace(plan.spec.coil, gap_mm=0.85)))
     assert plan_spacer(finer).height_mm == pytest.approx(0.7)  # a first layer of 0.3 mm and two of 0.2
     (finding,) = spacer_findings(finer, plan_spacer(finer))
     assert finding.code == "spacer.gap" and "gap comes out as 0.8 mm" in finding.message
