@@ -12,16 +12,19 @@ TEMPLATES := $(basename $(notdir $(wildcard templates/*.toml)))
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
 
-# uv installs the lock in a third of pip's time, and pip installs it where uv does not reach the registry: only pip reads
-# pip.conf. Neither takes an editable install together with hashes; that step needs no network: setuptools is in the lock.
+# uv installs the lock in a third of pip's time. pip installs it where its settings, which uv does not read, name another
+# registry, and where uv does not reach one. Neither takes an editable install together with hashes; that step needs no
+# network: setuptools is in the lock.
 PIP = $(BIN)/python -m pip install --quiet --disable-pip-version-check
-UV = VIRTUAL_ENV=$(VENV) $(BIN)/uv pip install --quiet --system-certs --compile-bytecode
+UV = ! $(BIN)/python -m pip config list | grep -q '[.]index-url=' && \
+  VIRTUAL_ENV=$(VENV) $(BIN)/uv pip install --quiet --system-certs --compile-bytecode
 $(STAMP): pyproject.toml setup.py requirements.lock
 	$(PYTHON) -m venv $(VENV)
 	awk '/^[^ ]/ { is_uv = /^uv==/ } is_uv' requirements.lock > $(VENV)/uv.lock
 	$(PIP) --require-hashes --requirement $(VENV)/uv.lock
-	$(UV) --require-hashes --requirement requirements.lock 2> /dev/null || \
-	  $(PIP) --require-hashes --requirement requirements.lock
+	@{ $(UV) --require-hashes --requirement requirements.lock 2> /dev/null; } || \
+	  { echo "pip installs it, since uv does not reach the registry: this takes some minutes"; \
+	    $(PIP) --require-hashes --requirement requirements.lock; }
 	$(PIP) --no-deps --no-build-isolation --no-index --editable .
 	@touch $@
 

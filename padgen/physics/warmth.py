@@ -1,9 +1,9 @@
-"""Steady temperatures of a pad and its coil tray: two layers of grid cells, heated by coils, cooled by air and table.
+"""Steady temperatures of a pad and what holds its coils: two layers of cells, heated by coils, cooled by air and table.
 
-The lower layer is the tray with its coils, the upper one the printed pad. Heat flows along each layer, from one to the
-other through the air gap and the rim, from the lower one into the table, and from top and sides into the room by
-natural convection and radiation. Films follow from their own temperatures, and the coils' resistance from theirs, so
-that the linear balance is solved a few times.
+The lower layer is the tray or board with its coils, the upper one the printed pad. Heat flows along each layer, from
+one to the other through the air gap and the rim, from the lower one into the table, and from top and sides into the
+room by natural convection and radiation. Films follow from their own temperatures, and the coils' resistance from
+theirs, so that the linear balance is solved a few times.
 
 Correlations of natural convection: plate facing upwards, Nu = 0.54 Ra^(1/4) with area over perimeter as its length
 (Lloyd and Moran 1974); upright side, Churchill and Chu 1975. Both scatter by some 15 to 25 % on small plates.

@@ -126,8 +126,16 @@ class Board:
 
 def board_findings(plan: Plan) -> Iterator[Finding]:
     """Yield an error where the board of a plan with board coils cannot be made."""
-    if plan.spec.coil.kind != "board":
+    spec = plan.spec
+    if spec.coil.kind != "board":
         return
+    if spec.coil.gap_mm <= spec.mover_low_mm:
+        least_mm = round(spec.mover_low_mm + spec.printer.height_mm(1), 6)
+        message = (
+            f"no spacer fits between it and the pad: coil.gap_mm is {number(spec.coil.gap_mm)} mm, and the"
+            f" {spec.mover.kind}s hang {number(spec.mover_low_mm)} mm above the pad's underside"
+        )
+        yield Finding("error", "board.room", "board", message, ({"coil.gap_mm": least_mm},))
     try:
         board_of(plan)
     except InfeasibleError as error:

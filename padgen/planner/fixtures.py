@@ -306,16 +306,24 @@ def plan_spacer(plan: Plan) -> Spacer:
     Raises
     ------
     InfeasibleError
-        The coils are wound, and stand in a tray.
+        The coils are wound, and stand in a tray; or the gap leaves no room for a layer between pad and board.
     """
     spec = plan.spec
     if spec.coil.kind != "board":
         raise InfeasibleError("wound coils need no spacer: they stand in a tray, part 'tray'", "--parts")
     pad = spec.pad
     wanted_mm = spacer_mm(plan)
+    layer_mm = spec.printer.height_mm(1)
+    if wanted_mm < layer_mm / 2:
+        raise InfeasibleError(
+            f"must be at least {number(round(spec.mover_low_mm + layer_mm, 6))} mm for a layer between pad and board,"
+            f" got {number(spec.coil.gap_mm)} mm",
+            "coil.gap_mm",
+        )
     more = spec.printer.layers_up_to(wanted_mm)
-    heights_mm = [spec.printer.height_mm(layers) for layers in {max(more - 1, 1), more}]
-    height_mm = min(heights_mm, key=lambda height: abs(height - wanted_mm))
+    # Of two that are as near the higher one, which leaves plates more room.
+    heights_mm = [spec.printer.height_mm(layers) for layers in (more, max(more - 1, 1))]
+    height_mm = min(heights_mm, key=lambda height: round(abs(height - wanted_mm), 6))
     x = (pad.width_mm + pad.border_mm) / 2
     y = (pad.depth_mm + pad.border_mm) / 2
     corners = tuple((sx * x, sy * y) for sx in (-1, 1) for sy in (-1, 1))
@@ -330,8 +338,26 @@ def plan_spacer(plan: Plan) -> Spacer:
 
 
 def spacer_findings(plan: Plan, spacer: Spacer) -> tuple[Finding, ...]:
-    """Return a finding about a spacer whose whole layers change the gap."""
-    return tuple(_rounded_gap(plan, spacer.gap_mm, "spacer"))
+    """Return findings about a spacer: a gap changed by rounding to layers, plates that touch the board."""
+    return (
+        *_rounded_gap(plan, spacer.gap_mm, "spacer"),
+        *_too_low(plan, spacer.height_mm, "spacer"),
+    )
+
+
+def _too_low(plan: Plan, clear_mm: float, part: str) -> Iterator[Finding]:
+    """Yield an error where a plate comes down by as much as the coils lie below it over this `part`."""
+    lowest = max(plan.channels, key=lambda c: c.level_um + c.sag_um + c.static_um)
+    travel = (lowest.level_um + lowest.sag_um + lowest.static_um) * UM / MM
+    if travel >= clear_mm:
+        yield Finding(
+            "error",
+            f"{part}.clear",
+            f"channel {lowest.index}",
+            f"its plate comes down by {number(travel)} mm (amplitude, sag, static pull), the coils lie"
+            f" {number(clear_mm)} mm below it; a gap of"
+            f" {at_least(travel + plan.spec.mover_low_mm + plan.spec.printer.layer_mm)} mm would do",
+        )
 
 
 def _rounded_gap(plan: Plan, made_mm: float, part: str) -> Iterator[Finding]:
@@ -352,19 +378,7 @@ def tray_findings(plan: Plan, tray: Tray) -> tuple[Finding, ...]:
     """Return findings about a tray: a gap changed by rounding to layers, plates that touch coils, heads on plates."""
     spec = plan.spec
     findings = list(_rounded_gap(plan, tray.gap_mm, "tray"))
-    lowest = max(plan.channels, key=lambda c: c.level_um + c.sag_um + c.static_um)
-    travel = (lowest.level_um + lowest.sag_um + lowest.static_um) * UM / MM
-    if travel >= tray.clear_mm:
-        findings.append(
-            Finding(
-                "error",
-                "tray.clear",
-                f"channel {lowest.index}",
-                f"its plate comes down by {number(travel)} mm (amplitude, sag, static pull), the coils lie"
-                f" {number(tray.clear_mm)} mm below it; a gap of"
-                f" {at_least(travel + plan.spec.mover_low_mm + spec.printer.layer_mm)} mm would do",
-            )
-        )
+    findings += _too_low(plan, tray.clear_mm, "tray")
     pad = spec.pad
     screw = tray.screw
     if screw is not None and screw.head_mm > pad.border_mm + pad.rib_mm + 1e-9:  # heads lie on moving plates

@@ -647,12 +647,12 @@ class LeftOut:
 class Recoil:
     """Recoil of the pad, which its ON taxels shake: the masses that move, and the ON over OFF in dB that is left.
 
-    `pad_g` is the mass of pad, washers, tray, coils and screws, `moving_g` that of everything on the mount, its
-    base included; None where that does not move. The dB are the smallest ON over the largest OFF amplitude in the
-    worst of `images` images by chance: `clamped_db` on a pad that does not move; on the moving one `in_step_db` by the
-    driver table, where taxels of a channel move in step, `apart_db` where each is driven at a frequency of its own near
-    that of its channel, as re-tuned, so that energies add, and `signed_db` by the table with signs that keep the pad
-    still (None in plans: a driver table has none). None where nothing is heard.
+    `pad_g` is the mass of pad, washers, coils, and tray with screws or board, `moving_g` that of everything on the
+    mount, its base included; None where that does not move. The dB are the smallest ON over the largest OFF amplitude
+    in the worst of `images` images by chance: `clamped_db` on a pad that does not move; on the moving one `in_step_db`
+    by the driver table, where taxels of a channel move in step, `apart_db` where each is driven at a frequency of its
+    own near that of its channel, as re-tuned, so that energies add, and `signed_db` by the table with signs that keep
+    the pad still (None in plans: a driver table has none). None where nothing is heard.
 
     On a steel plate of `base_g`, the pad keeps `based_db`: all but 2 dB of what it keeps clamped or, in plans, so much
     that the asked share of prints keeps what is asked. `base_g` is 0 where the pad does so as it is, and None where the

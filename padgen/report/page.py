@@ -335,8 +335,8 @@ def _board_of(plan: Plan) -> dict[str, str] | None:
     return {
         "part": f"{count} coils of {size}; padgen build --formats board makes its files, and board-parts.csv",
         "step": f"Lay the board under the pad, the side with the names up and its dot under the corner with the groove,"
-        f" on spacers of {number(spacer_mm(plan))} mm at the four screws (padgen build --parts spacer prints one), and"
-        " solder the pin header to it.",
+        f" on spacers of {number(spacer_mm(plan))} mm at the screws or on the frame that padgen build --parts spacer"
+        " makes, and solder the pin header to it.",
     }
 
 

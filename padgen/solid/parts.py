@@ -409,7 +409,7 @@ logging.getLogger("trimesh").addHandler(logging.NullHandler())
 LEAST_LIKENESS = 0.2
 """Least likeness of a mesh to a part (share of the part's corners found, less the difference in size)."""
 SURE_LIKENESS = {"pad": 0.999, "coupon": 0.5, "guard": 0.5, "spacer": 0.5, "tray": 0.5, "coupon-tray": 0.0}
-"""Likeness from which no further parts are tried, by part. Trays come last, as they load the CAD kernel."""
+"""Likeness from which no further parts are tried, by part. Those that load the CAD kernel come last."""
 
 
 def read_mesh(path: Path) -> Mesh:

@@ -122,22 +122,25 @@ def test_more_heat_makes_coils_and_beams_warmer_however_hot_they_are():
     assert (np.diff(rises, axis=0) > 0).all()
 
 
-@pytest.mark.parametrize("name", ["pad-32", "eight", "board-32", "two-coils"])
-def test_coils_and_beams_are_as_warm_as_a_heat_solution_says(name):
+@pytest.mark.parametrize(("name", "share"), [("pad-32", 0.2), ("eight", 0.2), ("board-32", 0.06), ("two-coils", 0.2)])
+def test_coils_and_beams_are_as_warm_as_a_heat_solution_says(name, share):
+    """Plans state 30 %; these differ by 3 to 18 %, and a wrong layer by more."""
     plan = measure_warm.plan_of(name)
     found = measure_warm.solved(plan)
     warm = plan.warm
-    assert warm.coil_c - warm.room_c == pytest.approx(found.coil_k, rel=warm.error)
-    assert warm.beam_rise_k == pytest.approx(found.beam_k, rel=warm.error)
+    assert warm.coil_c - warm.room_c == pytest.approx(found.coil_k, rel=share)
+    assert warm.beam_rise_k == pytest.approx(found.beam_k, rel=share)
 
 
 @pytest.mark.soak
 def test_boards_are_as_warm_as_a_heat_solution_says():
     ratios = []
     for plan in measure_warm.board_plans(12):
-        ratios.append((plan.warm.coil_c - plan.warm.room_c) / measure_warm.solved(plan).coil_k)
+        found = measure_warm.solved(plan)
+        ratios.append(((plan.warm.coil_c - plan.warm.room_c) / found.coil_k, plan.warm.beam_rise_k / found.beam_k))
     off = np.abs(np.array(ratios) - 1)
-    assert (off <= 0.2).sum() >= 10  # by 1.25 mm cells; of one coil alone the table takes more than plans count with
+    assert (off[:, 0] <= 0.2).sum() >= 10  # by cells of 1.25 mm
+    # Beyond the 30 % that plans state: of one coil alone the table takes more than they count with (docs/warm.md).
     assert off.max() < 0.35
 
 

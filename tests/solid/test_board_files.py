@@ -14,7 +14,7 @@ import pytest
 import padgen as pg
 from padgen.core.errors import InfeasibleError
 from padgen.core.units import COPPER_OHM_M
-from padgen.planner.board_layout import PIN_DRILL_MM, arc_centre, board_of
+from padgen.planner.board_layout import PIN_DRILL_MM, arc_centre, board_findings, board_of
 from padgen.planner.coils.board import board_coil, completed, house_of
 from padgen.planner.fixtures import plan_spacer, spacer_findings
 from padgen.planner.pad_mass import PadMass
@@ -115,15 +115,17 @@ def test_resistances_between_pins_are_those_of_all_that_is_drawn(plan, wiring):
         assert network_ohm(board, board_coil(of_coil), net) == pytest.approx(stated, rel=0.005)
 
 
-@pytest.mark.parametrize("wiring", ["series", "parallel"])
-def test_tracks_to_the_pins_keep_clear_of_the_turns(plan, wiring):
+@pytest.mark.parametrize(
+    ("wiring", "house"), [("series", "coil-0.15"), ("series", "fine-0.1"), ("parallel", "coil-0.15")]
+)
+def test_tracks_to_the_pins_keep_clear_of_the_turns(plan, wiring, house):
     """KiCad does not look at distances within a net: all but the coil's last half turn is as far as the house asks."""
-    of_coil = completed({"kind": "board", "wiring": wiring, "gap_mm": plan.spec.coil.gap_mm})
+    of_coil = completed({"kind": "board", "wiring": wiring, "house": house, "gap_mm": plan.spec.coil.gap_mm})
     board = board_of(replace(plan, spec=replace(plan.spec, coil=of_coil)))
     for net, layer in product((1, 4, len(board.nets)), (0, board.layers - 1)):
         own = [track for track in board.tracks if (track.net, track.layer) == (net, layer)]
         turns = [track for track in own if track.middle_mm is not None][:-1]
-        ways = [track for track in own if track.middle_mm is None and max(map(abs, track.end_mm)) > 0]
+        ways = [track for track in own if track.middle_mm is None]
         leads = ways[1 + (wiring == "parallel") :]
         assert len(leads) >= 3
         copper = np.concatenate([points_of(track, 0.02) for track in turns])
@@ -321,7 +323,7 @@ def test_a_board_weighs_what_its_outline_says(plan):
 
 
 def test_a_spacer_lies_between_board_and_pad(plan, tmp_path):
-    """Its volume by hand; a mesh that is higher, or a hole narrower, is told; turned it is recognised."""
+    """Its volume by hand; a mesh that is higher, or has narrower holes, is told; turned it is recognised."""
     spacer = build_spacer(plan)
     sizes = spacer.spacer
     pad = plan.spec.pad
@@ -339,17 +341,29 @@ def test_a_spacer_lies_between_board_and_pad(plan, tmp_path):
     turned = mesh._replace(vertices_mm=mesh.vertices_mm @ turn.T + 20.0)
     assert check_foreign(turned, plan.spec, plan).figures["part"] == "spacer"
     higher = mesh._replace(vertices_mm=mesh.vertices_mm * [1.0, 1.0, 1.1])
-    assert "spacer.built" in {one.code for one in check_spacer(spacer, plan, higher).findings}
+    narrow = build_spacer(replace(plan, spec=replace(plan.spec, pad=replace(pad, hole_diameter_mm=3.0)))).mesh
+    for other, size in ((higher, "height"), (narrow, "hole diameter")):
+        told = [one for one in check_spacer(spacer, plan, other).findings if one.code == "spacer.built"]
+        assert told and all(size in one.message for one in told)
 
 
 def test_a_spacer_in_other_layers_makes_another_gap(plan):
-    finer = replace(plan, spec=replace(plan.spec, coil=replace(plan.spec.coil, gap_mm=0.85)))
-    assert plan_spacer(finer).height_mm == pytest.approx(0.7)  # a first layer of 0.3 mm and two of 0.2
+    finer = replace(plan, spec=replace(plan.spec, coil=replace(plan.spec.coil, gap_mm=0.84)))
+    assert plan_spacer(finer).height_mm == pytest.approx(0.7)  # in layers of 0.1 mm, the first of 0.2
+    between = replace(plan, spec=replace(plan.spec, coil=replace(plan.spec.coil, gap_mm=0.85)))
+    assert plan_spacer(between).height_mm == pytest.approx(0.8)
     (finding,) = spacer_findings(finer, plan_spacer(finer))
     assert finding.code == "spacer.gap" and "gap comes out as 0.8 mm" in finding.message
     wound = replace(plan, spec=replace(plan.spec, coil=replace(plan.spec.coil, kind="solenoid")))
     with pytest.raises(InfeasibleError, match="wound coils need no spacer"):
         plan_spacer(wound)
+    touching = replace(plan, spec=replace(plan.spec, coil=replace(plan.spec.coil, gap_mm=0.1)))
+    with pytest.raises(InfeasibleError, match=r"coil\.gap_mm: must be at least 0\.3 mm for a layer between"):
+        plan_spacer(touching)
+    assert [one.code for one in board_findings(touching)] == ["board.room"]
+    close = replace(plan, spec=replace(plan.spec, coil=replace(plan.spec.coil, gap_mm=0.4)))
+    loud = replace(close, channels=tuple(replace(channel, level_um=320.0) for channel in close.channels))
+    assert [one.code for one in spacer_findings(loud, plan_spacer(loud))] == ["spacer.clear"]
 
 
 def test_a_plan_tells_that_its_board_has_no_room_for_tracks():

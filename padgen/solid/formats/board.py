@@ -50,9 +50,10 @@ def write(out: OutputFolder, job: ExportJob) -> None:
         ),
         (
             "spacer",
-            len(board.holes),
+            len(board.holes) or 1,
             "pieces",
-            f"{number(spacer_mm(job.plan))} mm, between board and pad at each screw; or padgen build --parts spacer",
+            f"{number(spacer_mm(job.plan))} mm, between board and pad at each screw; or the one frame that padgen build"
+            " --parts spacer makes",
         ),
         ("board", 1, "pieces", f"{board.layers} layers, {number(board.thickness_mm)} mm: board.txt"),
     ]
