@@ -119,12 +119,16 @@ class Window:
                         self._finished.put(key)
         return None
 
-    def rest(self) -> Iterator[tuple[Any, list[Task]]]:
-        """Yield each finished future that `take` has not returned yet, with its tasks; cancel the unfinished ones."""
+    def rest(self, cancels: bool = True) -> Iterator[tuple[Any, list[Task]]]:
+        """Yield each finished future that `take` has not returned yet, with its tasks; cancel the unfinished ones.
+
+        Without `cancels` those are left: a pool that has broken down ends its futures itself, and before Python 3.13
+        its thread dies of one that was cancelled meanwhile.
+        """
         for future, tasks in self.pending.values():
             if future.done():
                 yield future, tasks
-            elif hasattr(future, "cancel"):
+            elif cancels and hasattr(future, "cancel"):
                 future.cancel()
 
 
@@ -367,6 +371,7 @@ def run_sweep(
         overview = overview_of((), ())
         stopped = ""
         interrupted = False
+        broken = False
         try:
             _run_all(run, window, chunk)
         except KeyboardInterrupt:
@@ -374,11 +379,12 @@ def run_sweep(
             interrupted = True
         except StoppedError as error:
             stopped = str(error)
+            broken = isinstance(error.__cause__, BrokenExecutor)
         finally:
             with uninterrupted():
                 try:
                     # Before the workers are ended, as what they were at would come back as failed.
-                    for taken in window.rest():
+                    for taken in window.rest(cancels=not broken):
                         with suppress(LostError, StoppedError, FileError):
                             for record in records_of(*taken):
                                 run.keep(record)

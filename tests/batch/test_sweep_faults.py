@@ -22,7 +22,7 @@ import sys
 import threading
 import time
 from concurrent import futures
-from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import BrokenExecutor, CancelledError, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from io import FileIO
 from multiprocessing import get_context
 from pathlib import Path
@@ -420,6 +420,23 @@ def test_an_executor_that_breaks_down_stops_the_sweep(place):
     assert "executor: has ended (BrokenProcessPool" in result.stopped and not result.interrupted
     assert 3 <= result.done < 30 and result.done + result.left == 30 and not result.failed
     assert run_sweep(sweep(30), place / "out", workers=2, work=sweep_work.counted).done == 30
+
+
+@pytest.mark.parametrize(("error", "cancels"), [(BrokenExecutor("gone"), False), (CancelledError(), True)])
+def test_a_pool_that_breaks_down_ends_its_futures_itself(place, error, cancels):
+    """Its thread would die of a future that is cancelled while it sets its exception."""
+    given = []
+
+    class Pool:
+        def submit(self, *_):
+            given.append(Future())
+            if len(given) == 2:
+                given[0].set_exception(error)
+            return given[-1]
+
+    result = run_sweep(sweep(3), place / "out", Pool(), work=sweep_work.tiny)
+    assert result.stopped and result.left == 3
+    assert [future.cancelled() for future in given[1:]] == [cancels] * len(given[1:])
 
 
 def test_an_executor_that_was_shut_down(place):
