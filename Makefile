@@ -16,14 +16,14 @@ help: ## list the targets
 # registry, and where uv does not reach one. Neither takes an editable install together with hashes; that step needs no
 # network: setuptools is in the lock.
 PIP = $(BIN)/python -m pip install --quiet --disable-pip-version-check
-UV = ! $(BIN)/python -m pip config list | grep -q '[.]index-url=' && \
+UV = ! $(BIN)/python -m pip config list | grep '[.]index-url=' > /dev/null && \
   VIRTUAL_ENV=$(VENV) $(BIN)/uv pip install --quiet --system-certs --compile-bytecode
 $(STAMP): pyproject.toml setup.py requirements.lock
 	$(PYTHON) -m venv $(VENV)
 	awk '/^[^ ]/ { is_uv = /^uv==/ } is_uv' requirements.lock > $(VENV)/uv.lock
 	$(PIP) --require-hashes --requirement $(VENV)/uv.lock
 	@{ $(UV) --require-hashes --requirement requirements.lock 2> /dev/null; } || \
-	  { echo "pip installs it, since uv does not reach the registry: this takes some minutes"; \
+	  { echo "pip installs it, since its settings name a registry or uv reaches none: this takes some minutes"; \
 	    $(PIP) --require-hashes --requirement requirements.lock; }
 	$(PIP) --no-deps --no-build-isolation --no-index --editable .
 	@touch $@
