@@ -27,8 +27,9 @@ from padgen.core.errors import Finding, InfeasibleError, at_most, number
 from padgen.core.units import COPPER_OHM_M, MM
 from padgen.physics.board_coil import BoardCoil, BoardLayer, board_layers
 from padgen.planner.coils.board import board_coil, house_of
-from padgen.planner.layout import SLACK_MM, coil_axis_mm
+from padgen.planner.layout import SLACK_MM, coil_axis_mm, corner_holes_mm
 from padgen.planner.plan import Plan
+from padgen.spec import Spec
 
 __all__ = [
     "Board",
@@ -41,6 +42,7 @@ __all__ = [
     "board_findings",
     "board_of",
     "coil_path",
+    "least_board_gap_mm",
 ]
 
 PIN_MM = 2.54
@@ -130,18 +132,22 @@ def board_findings(plan: Plan) -> Iterator[Finding]:
     if spec.coil.kind != "board":
         return
     if spec.coil.gap_mm <= spec.mover_low_mm:
-        least_mm = round(spec.mover_low_mm + spec.printer.height_mm(1), 6)
         message = (
             f"no spacer fits between it and the pad: coil.gap_mm is {number(spec.coil.gap_mm)} mm, and the"
             f" {spec.mover.kind}s hang {number(spec.mover_low_mm)} mm above the pad's underside"
         )
-        yield Finding("error", "board.room", "board", message, ({"coil.gap_mm": least_mm},))
+        yield Finding("error", "board.room", "board", message, ({"coil.gap_mm": least_board_gap_mm(spec)},))
     try:
         board_of(plan)
     except InfeasibleError as error:
         turned = [plan.coils.columns, plan.coils.rows]
         message = f"it cannot be made: {error.where} {error.message}"
         yield Finding("error", "board.room", "board", message, ({"coil.grid": turned},))
+
+
+def least_board_gap_mm(spec: Spec) -> float:
+    """Return the gap in mm from coils on a board to the movers where the spacer between board and pad is one layer."""
+    return round(spec.mover_low_mm + spec.printer.height_mm(1), 6)
 
 
 def board_of(plan: Plan) -> Board:
@@ -186,11 +192,6 @@ def board_of(plan: Plan) -> Board:
                 r, c = places[pin.net - 1]
                 labels.append(Label(f"r{r}c{c}", (pin.at_mm[0], pin.at_mm[1] + sign * LABEL_AWAY_MM), 90.0))
     hole = spec.pad.hole_diameter_mm
-    corners = [
-        (sx * (half_x - spec.pad.border_mm / 2), sy * (half_y - spec.pad.border_mm / 2))
-        for sx in (-1, 1)
-        for sy in (-1, 1)
-    ]
     width_mm = 2 * half_x
     depth_mm = ends[1] - ends[0]
     if max(width_mm, depth_mm) > house["longest_mm"]:
@@ -212,7 +213,7 @@ def board_of(plan: Plan) -> Board:
         tracks=tuple(tracks),
         vias=tuple(vias),
         pins=tuple(pins),
-        holes=tuple(Hole(at, hole) for at in corners) if hole else (),
+        holes=tuple(Hole(at, hole) for at in corner_holes_mm(spec.pad)),
         labels=tuple(labels),
         mark_mm=(mark_x, first_y),
     )

@@ -32,7 +32,8 @@ from typing import NamedTuple
 
 from padgen.core.errors import Finding, InfeasibleError, at_least, number
 from padgen.core.units import MM, UM
-from padgen.planner.layout import SLACK_MM, Outline, coil_axis_mm, corner_groove, groove, placed_taxel
+from padgen.planner.board_layout import least_board_gap_mm
+from padgen.planner.layout import SLACK_MM, Outline, coil_axis_mm, corner_groove, corner_holes_mm, groove, placed_taxel
 from padgen.planner.plan import NOT_JUDGED, CoilGrid, Plan, Reuse
 
 __all__ = [
@@ -254,8 +255,6 @@ def plan_tray(plan: Plan) -> Tray:
     clear = round(height - floor - coil.length_mm, 6)
     _refuse(plan, clear)
     depth = max(int(SOCKET_SHARE * coil.length_mm / printer.layer_mm + 1e-9), LEAST_SOCKET_LAYERS) * printer.layer_mm
-    x = (pad.width_mm + pad.border_mm) / 2
-    y = (pad.depth_mm + pad.border_mm) / 2
     screw = screw_for(pad.hole_diameter_mm, pad.frame_thickness_mm + spec.guard_height_mm, height)
     slots = _wire_slots(plan)
     return Tray(
@@ -274,7 +273,7 @@ def plan_tray(plan: Plan) -> Tray:
         ),
         wire_slots=slots,
         wires=ceil(2 * plan.coils.rows * plan.coils.columns / len(slots)),
-        holes_mm=tuple((sx * x, sy * y) for sx in (-1, 1) for sy in (-1, 1)) if screw else (),
+        holes_mm=corner_holes_mm(pad) if screw else (),
         screw=screw,
         groove=corner_groove(spec),
     )
@@ -313,10 +312,9 @@ def plan_spacer(plan: Plan) -> Spacer:
         raise InfeasibleError("wound coils need no spacer: they stand in a tray, part 'tray'", "--parts")
     pad = spec.pad
     wanted_mm = spacer_mm(plan)
-    layer_mm = spec.printer.height_mm(1)
-    if wanted_mm < layer_mm / 2:
+    if wanted_mm < spec.printer.height_mm(1) / 2:
         raise InfeasibleError(
-            f"must be at least {number(round(spec.mover_low_mm + layer_mm, 6))} mm for a layer between pad and board,"
+            f"must be at least {number(least_board_gap_mm(spec))} mm for a layer between pad and board,"
             f" got {number(spec.coil.gap_mm)} mm",
             "coil.gap_mm",
         )
@@ -324,15 +322,12 @@ def plan_spacer(plan: Plan) -> Spacer:
     # Of two that are as near the higher one, which leaves plates more room.
     heights_mm = [spec.printer.height_mm(layers) for layers in (more, max(more - 1, 1))]
     height_mm = min(heights_mm, key=lambda height: round(abs(height - wanted_mm), 6))
-    x = (pad.width_mm + pad.border_mm) / 2
-    y = (pad.depth_mm + pad.border_mm) / 2
-    corners = tuple((sx * x, sy * y) for sx in (-1, 1) for sy in (-1, 1))
     return Spacer(
         name=f"{plan.name}-spacer",
         height_mm=height_mm,
         gap_mm=round(height_mm + spec.mover_low_mm, 6),
         hole_diameter_mm=pad.hole_diameter_mm,
-        holes_mm=corners if pad.hole_diameter_mm else (),
+        holes_mm=corner_holes_mm(pad),
         groove=corner_groove(spec),
     )
 

@@ -22,7 +22,7 @@ import numpy as np
 from padgen.core.errors import Finding, at_least, number
 from padgen.core.units import GPA, MM, MPA, UM
 from padgen.planner.fixtures import Screw, screw_for
-from padgen.planner.layout import Outline, coil_axis_mm, corner_groove, to_cell
+from padgen.planner.layout import Outline, coil_axis_mm, corner_groove, corner_holes_mm, to_cell
 from padgen.planner.pins import STRENGTH_SHARE
 from padgen.planner.plan import Channel, Plan, Taxel
 from padgen.planner.sizing import STRENGTH_OVER_FATIGUE
@@ -67,8 +67,6 @@ def plan_guard(plan: Plan) -> GuardPlate:
     pad = spec.pad
     thickness_mm = spec.guard.thickness_mm
     assert thickness_mm, "the spec has a guard plate"
-    x = (pad.width_mm + pad.border_mm) / 2
-    y = (pad.depth_mm + pad.border_mm) / 2
     screw = screw_for(pad.hole_diameter_mm, pad.frame_thickness_mm + spec.guard_height_mm, LOW_MM)
     shank_mm = float(screw.name.removeprefix("M")) if screw else pad.hole_diameter_mm
     # The screw is in the middle of neither hole.
@@ -81,7 +79,7 @@ def plan_guard(plan: Plan) -> GuardPlate:
         hole_diameter_mm=spec.guard_hole_mm,
         pins_mm=pin_places(plan),
         pockets=tuple(_pocket(plan, taxel) for taxel in plan.taxels),
-        screw_holes_mm=tuple((sx * x, sy * y) for sx in (-1, 1) for sy in (-1, 1)) if pad.hole_diameter_mm else (),
+        screw_holes_mm=corner_holes_mm(pad),
         screw_hole_mm=pad.hole_diameter_mm,
         play_mm=loose_mm + 2**0.5 * PLACE_MM,
         screw=screw,

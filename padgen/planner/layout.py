@@ -20,7 +20,7 @@ from padgen.core.units import MM
 from padgen.planner.plan import TURNS, Channel, CoilGrid, Pitch, Plan, Site, Taxel
 from padgen.planner.suspensions import Arrangement, PlateShape, Room, Suspension, allowed, suspension
 from padgen.planner.taxel_model import narrowest_mm, plate_shape, recess_mm, shortest_mm
-from padgen.spec import Spec
+from padgen.spec import PadTable, Spec
 
 __all__ = [
     "SLACK_MM",
@@ -32,6 +32,7 @@ __all__ = [
     "coil_axis_mm",
     "coil_reach_mm",
     "corner_groove",
+    "corner_holes_mm",
     "full_smaller_layouts",
     "groove",
     "hexagon",
@@ -537,6 +538,15 @@ def groove(spec: Spec, x_mm: float, above: bool = False) -> Outline:
 def corner_groove(spec: Spec) -> Outline:
     """Return the groove that marks the corner of the coil in row 0, column 0, in the border's side towards −y."""
     return groove(spec, (WIDTH_MM - spec.pad.width_mm) / 2)
+
+
+def corner_holes_mm(pad: PadTable) -> tuple[tuple[float, float], ...]:
+    """Return the centres of the screw holes in a pad's border, from the pad's centre; none for a pad without holes."""
+    if not pad.hole_diameter_mm:
+        return ()
+    x = (pad.width_mm + pad.border_mm) / 2
+    y = (pad.depth_mm + pad.border_mm) / 2
+    return tuple((sx * x, sy * y) for sx in (-1, 1) for sy in (-1, 1))
 
 
 SAME_MM = 0.05

@@ -214,7 +214,7 @@ def warm_layers(plan: Plan) -> WarmLayers:
 
 
 class _LowerLayer(NamedTuple):
-    """What carries the coils, as the lower layer of a thermal grid: arrays (r, c) in SI units.
+    """A tray or board with its coils as the lower layer of a thermal grid: arrays (r, c) in SI units.
 
     `sheet_w_per_k` is conductivity times thickness, `to_pad` and `to_table` are resistances in m² K/W from it to the
     pad's underside and to the table, `height_m` is that of its outer sides.

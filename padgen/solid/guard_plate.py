@@ -18,14 +18,11 @@ from padgen.planner.plan import Plan
 from padgen.solid.checks import Report, check_part
 from padgen.solid.kernel import build123d, kernel_errors
 from padgen.solid.measure import Dimension, distance_to_sides, holes_of, ray_distance_mm
-from padgen.solid.mesh import CHORD_MM, Mesh, tessellated
-from padgen.solid.taxel import box, only_solid
+from padgen.solid.mesh import ROUND_MM, Mesh, tessellated
+from padgen.solid.taxel import box, only_solid, pad_outline
 from padgen.spec import PadTable
 
 __all__ = ["GuardSolid", "build_guard", "check_guard", "free_diameter", "measured_guard"]
-
-ROUND_MM = 2 * CHORD_MM
-"""Largest change of a diameter by its triangles."""
 
 
 @dataclass(frozen=True)
@@ -54,12 +51,10 @@ def build_guard(plan: Plan) -> GuardSolid:
 def _solid(guard: GuardPlate, pad: PadTable) -> Any:
     b = build123d()
     with kernel_errors("the guard plate"):
-        rectangle = b.Wire.make_rect(pad.width_mm + 2 * pad.border_mm, pad.depth_mm + 2 * pad.border_mm)
-        outside = rectangle.fillet_2d(pad.border_mm / 2, rectangle.vertices())
         bores = [(place, guard.hole_diameter_mm) for place in guard.pins_mm]
         bores += [(place, guard.screw_hole_mm) for place in guard.screw_holes_mm]
         holes = [b.Wire.make_circle(wide / 2, b.Plane((x, -y, 0))) for (x, y), wide in bores]
-        plate = b.Solid.extrude(b.Face(outside, holes), b.Vector(0, 0, guard.height_mm))
+        plate = b.Solid.extrude(b.Face(pad_outline(pad), holes), b.Vector(0, 0, guard.height_mm))
         cuts = [
             box(sides._replace(y0=-sides.y1, y1=-sides.y0), guard.height_mm, guard.thickness_mm)
             for sides in guard.pockets

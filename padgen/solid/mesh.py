@@ -15,6 +15,7 @@ __all__ = [
     "ANGLE_RAD",
     "AT_ONCE",
     "CHORD_MM",
+    "ROUND_MM",
     "Mesh",
     "Topology",
     "as_manifold",
@@ -31,6 +32,8 @@ __all__ = [
 
 CHORD_MM = 0.01
 """Default largest distance between a curved face and its triangles (docs/performance.md has the table)."""
+ROUND_MM = 2 * CHORD_MM
+"""Largest change of a diameter by triangles: a polygon lies within the true circle."""
 ANGLE_RAD = 0.3
 WELD_MM = 1e-6
 FILE_WELD_MM = 1e-5

@@ -48,10 +48,10 @@ from padgen.solid.formats._3mf import LARGEST_FILE, MOST_TRIANGLES, read_3mf
 from padgen.solid.guard_plate import GuardSolid, build_guard, check_guard, free_diameter
 from padgen.solid.kernel import build123d, kernel_errors
 from padgen.solid.measure import Dimension, holes_of, ray_distance_mm
-from padgen.solid.mesh import CHORD_MM, Mesh, as_manifold, sound_mesh, tessellated
+from padgen.solid.mesh import ROUND_MM, Mesh, as_manifold, sound_mesh, tessellated
 from padgen.solid.pad_solid import PadSolid, build_pad
 from padgen.solid.spacer import SpacerSolid, build_spacer, check_spacer
-from padgen.solid.taxel import box, only_solid
+from padgen.solid.taxel import box, only_solid, pad_outline
 from padgen.spec import Coil, PadTable, Spec
 
 __all__ = [
@@ -98,10 +98,9 @@ def tray_solid(tray: Tray, pad: PadTable) -> TraySolid:
     """Build the solid of a `tray` with the outline of `pad`."""
     b = build123d()
     with kernel_errors("the coil tray"):
-        rectangle = b.Wire.make_rect(pad.width_mm + 2 * pad.border_mm, pad.depth_mm + 2 * pad.border_mm)
-        outside = rectangle.fillet_2d(pad.border_mm / 2, rectangle.vertices())
         seats = [b.Wire.make_circle(tray.seat_hole_mm / 2, b.Plane((x, y, 0))) for x, y in tray.coils_mm]
         sockets = [_socket(tray, x, y) for x, y in tray.coils_mm]
+        outside = pad_outline(pad)
         layers = []
         for holes, low, high in (
             (seats, 0.0, tray.floor_mm),
@@ -146,8 +145,6 @@ def _socket(tray: Tray, x: float, y: float) -> Any:
     return wire
 
 
-ROUND_MM = 2 * CHORD_MM
-"""Largest change of a diameter by its triangles: a polygon lies within the true circle."""
 SEAT_RAYS = 3
 COIL_SIDES = 64
 BLOCKED_MM3 = 1e-3
@@ -514,7 +511,8 @@ def _parts(plan: Plan) -> Iterator[tuple[str, Plan, PartSolid]]:
     yield "coupon", coupon, solid
     if plan.spec.guard.thickness_mm:
         yield "guard", plan, build_guard(plan)
-    if plan.spec.coil.kind == "board":
+    # A pad over a board has a spacer, one over wound coils trays.
+    with suppress(InfeasibleError):
         yield "spacer", plan, build_spacer(plan)
     for name, over in (("tray", plan), ("coupon-tray", coupon)):
         with suppress(InfeasibleError):

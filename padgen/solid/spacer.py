@@ -14,14 +14,11 @@ from padgen.solid.checks import Report, check_part
 from padgen.solid.guard_plate import free_diameter
 from padgen.solid.kernel import build123d, kernel_errors
 from padgen.solid.measure import Dimension, holes_of, ray_distance_mm
-from padgen.solid.mesh import CHORD_MM, Mesh, tessellated
-from padgen.solid.taxel import box, only_solid
+from padgen.solid.mesh import ROUND_MM, Mesh, tessellated
+from padgen.solid.taxel import box, only_solid, pad_outline
 from padgen.spec import PadTable
 
 __all__ = ["SpacerSolid", "build_spacer", "check_spacer"]
-
-ROUND_MM = 2 * CHORD_MM
-"""Largest change of a diameter by its triangles."""
 
 
 @dataclass(frozen=True)
@@ -52,11 +49,9 @@ def build_spacer(plan: Plan) -> SpacerSolid:
 def _solid(spacer: Spacer, pad: PadTable) -> Any:
     b = build123d()
     with kernel_errors("the spacer"):
-        rectangle = b.Wire.make_rect(pad.width_mm + 2 * pad.border_mm, pad.depth_mm + 2 * pad.border_mm)
-        outside = rectangle.fillet_2d(pad.border_mm / 2, rectangle.vertices())
         holes = [b.Wire.make_rect(pad.width_mm, pad.depth_mm)]
         holes += [b.Wire.make_circle(spacer.hole_diameter_mm / 2, b.Plane((x, y, 0))) for x, y in spacer.holes_mm]
-        frame = b.Solid.extrude(b.Face(outside, holes), b.Vector(0, 0, spacer.height_mm))
+        frame = b.Solid.extrude(b.Face(pad_outline(pad), holes), b.Vector(0, 0, spacer.height_mm))
         return only_solid(frame.cut(box(spacer.groove, spacer.height_mm)), "the spacer")
 
 

@@ -30,7 +30,7 @@ from padgen.planner.plan import Channel, Pin, Plan
 from padgen.planner.suspensions import BeamPath, Segment
 from padgen.solid.kernel import build123d, kernel_errors
 from padgen.solid.mesh import Mesh, tessellated
-from padgen.spec import Ballast
+from padgen.spec import Ballast, PadTable
 
 __all__ = ["Tile", "ballast_solid", "box", "cached_tile", "only_solid", "taxel_key", "taxel_solid", "washer_solid"]
 
@@ -216,6 +216,13 @@ def box(sides: Outline, high: float, low: float = 0.0) -> Any:
     """Return the box over a rectangle from `low` to `high` mm."""
     b = build123d()
     return b.Solid.make_box(sides.x1 - sides.x0, sides.y1 - sides.y0, high - low, b.Plane((sides.x0, sides.y0, low)))
+
+
+def pad_outline(pad: PadTable) -> Any:
+    """Return the outline of a pad with its border, a build123d wire: a rectangle with round corners."""
+    b = build123d()
+    rectangle = b.Wire.make_rect(pad.width_mm + 2 * pad.border_mm, pad.depth_mm + 2 * pad.border_mm)
+    return rectangle.fillet_2d(pad.border_mm / 2, rectangle.vertices())
 
 
 def only_solid(shape: Any, name: str) -> Any:
