@@ -9,7 +9,7 @@ Correlations of natural convection: plate facing upwards, Nu = 0.54 Ra^(1/4) wit
 (Lloyd and Moran 1974); upright side, Churchill and Chu 1975. Both scatter by some 15 to 25 % on small plates.
 """
 
-from math import inf
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -38,7 +38,11 @@ EMISSIVITY = 0.9
 KELVIN = 273.15
 ROUNDS = 20
 SETTLED_K = 0.01
-"""Most solutions in turns with films and resistances, which end once no temperature moves by more than `SETTLED_K`."""
+SETTLED_SHARE = 1e-4
+"""Most solutions in turns with films and resistances, which end once no temperature moves by more than `SETTLED_K`, or
+by more than that share of the highest rise."""
+NEARBY = 1.001
+"""Ratio of two rises between which a film's slope is taken."""
 LEAST_RISE_K = 0.01
 """Rise from which films are computed: without any, air at rest would conduct nothing."""
 WARM_ERROR = 0.3
@@ -99,26 +103,33 @@ def temperatures(layers: WarmLayers, room_c: float) -> np.ndarray:
     right, down = _conductances(layers)
     sides = _side_lengths(layers)
     rise = np.zeros((2, *area.shape))
-    share = 1.0
-    change_k = inf
+    last_step = np.zeros_like(rise)
     for _ in range(ROUNDS):
         out = np.zeros_like(rise)
-        out[1] += area * film_above(float((rise[1] * area).sum() / area.sum()), length_m, room_c)
-        for layer, height in enumerate(layers.height_m):
-            edge = float((rise[layer] * sides).sum() / sides.sum())
-            out[layer] += sides * height * film_beside(edge, float(layers.height_m.sum()), room_c)
-        out[0] += layers.below_w_per_k
         heat = np.zeros_like(rise)
+        faces = [(1, area, partial(film_above, length_m=length_m, room_c=room_c))]
+        for layer, height in enumerate(layers.height_m):
+            side = partial(film_beside, height_m=float(layers.height_m.sum()), room_c=room_c)
+            faces.append((layer, sides * height, side))
+        for layer, face_m2, film in faces:
+            # A warmer face gives off more than in proportion: the excess is in both, and cancels once all is settled.
+            mean_k = float((rise[layer] * face_m2).sum() / face_m2.sum())
+            coefficient = film(mean_k)
+            excess = (film(mean_k * NEARBY) - coefficient) / (NEARBY - 1)
+            out[layer] += face_m2 * (coefficient + excess)
+            heat[layer] += face_m2 * excess * rise[layer]
+        out[0] += layers.below_w_per_k
         # The hotter, the more it resists: without an end of that nothing would balance the heat of some coils.
         copper_c = np.minimum(room_c + rise[0], COPPER_MELTS_C)
-        heat[0] = layers.heat_w * (1 + COPPER_PER_K * (copper_c - COPPER_C))
+        heat[0] += layers.heat_w * (1 + COPPER_PER_K * (copper_c - COPPER_C))
         step = _balanced(right, down, layers.through_w_per_k, out, heat, rise) - rise
-        last_k = change_k
-        change_k = float(np.abs(step).max())
-        if change_k > SLOW * last_k:  # the hotter, the better it radiates: a whole step overshoots
-            share /= 2
-        rise = rise + share * step
-        if change_k < SETTLED_K:
+        # Copper gets hotter round by round, each time by a like share: the rounds to come are added at once.
+        alike = 0.0
+        if step.min() > 0 and last_step.min() > 0:
+            alike = float(min(step.sum() / last_step.sum(), MOST_ALIKE))
+        rise = np.maximum(rise + step / (1 - alike), 0)
+        last_step = step
+        if float(np.abs(step).max()) < max(SETTLED_K, SETTLED_SHARE * float(rise.max())):
             break
     return room_c + rise
 
@@ -164,7 +175,7 @@ def _balanced(
     leaving[:, :-1] += down
     rise = start.copy()
     left = heat - flowing(rise)
-    enough = CLOSE * float(np.abs(heat).sum())
+    enough = max(CLOSE * float(np.abs(heat).sum()), LEFT * float(np.abs(left).sum()))
     toward = left / leaving
     direction = toward
     size = float((left * toward).sum())
@@ -182,10 +193,12 @@ def _balanced(
     return rise
 
 
-SLOW = 0.7
-"""Change of a round over the one before, above which rounds take half of their steps."""
+MOST_ALIKE = 0.8
+"""Most that a round may be of the one before where the rounds to come are added."""
 CLOSE = 1e-8
-"""Share of the heat that may be missing from the balance."""
+LEFT = 0.01
+"""Shares of the heat, and of what was missing before, that may be missing from the balance after a solution: the next
+one starts from it."""
 
 
 def _rayleigh(rise_k: float, length_m: float, room_c: float) -> float:

@@ -121,6 +121,8 @@ LESS_FOR_CURE = 4
 MOST_ALIKE = 3
 """Layouts that are judged for life after one that works re-tuned only, the taxels of all of them together (so that a
 large pad is planned as quickly), by how much fewer for a cure, and layouts of one drive and channel count."""
+SAME_FOR_ALL_LAYOUTS = {"plan.bed"}
+"""Errors of a plan that follow from the spec alone."""
 ALIKE_DB = 0.1
 """Difference of what prints keep below which two choices that work as often, mostly never, keep as much."""
 MOST_PRINTED = 16
@@ -427,8 +429,12 @@ def _drive_and_layout(one: Choice | _Unsized) -> tuple[str, str, Layout]:
 
 
 def _has_errors(choice: Choice) -> bool:
-    """Return whether the plan of a choice has an error, as by a limit that only whole plans are judged by."""
-    return any(finding.level == "error" for finding in finish(choice, quick=True).findings)
+    """Return whether the plan of a choice has an error, as by a limit that only whole plans are judged by.
+
+    Not counted is what no layout changes.
+    """
+    errors = {finding.code for finding in finish(choice, quick=True).findings if finding.level == "error"}
+    return not errors <= SAME_FOR_ALL_LAYOUTS
 
 
 def _first_that_works(

@@ -395,22 +395,30 @@ def sites_of(spec: Spec, layout: Layout, channels: tuple[SizedChannel, ...]) -> 
 
 
 def _beams(spec: Spec, layout: Layout) -> tuple[SizedChannel, ...] | None:
-    """Return beams for the first ladder of resonances that can be printed; if optimised, for the most selective one."""
+    """Return beams for the first ladder of resonances that can be printed; if optimised, for the most selective one.
+
+    The first one, the optimum for equal masses, is taken if it keeps what is asked.
+    """
     bare = beam_inputs(spec)
-    if spec.spacing == "optimised":
-        bare = replace(bare, drive=spec.drive)
-    options = _sized(bare, layout.channels, room(spec, layout), SUSPENSIONS.changes)
-    if len(options) < 2:
-        return options[0] if options else None
-    return max(options, key=lambda channels: _selectivity_key(spec, layout, channels))
+    if spec.spacing != "optimised":
+        return next(iter(_sized(bare, layout.channels, room(spec, layout), SUSPENSIONS.changes, 1)), None)
+    sizing = (replace(bare, drive=spec.drive), layout.channels, room(spec, layout), SUSPENSIONS.changes)
+    first = _sized(*sizing, 1)
+    if not first:
+        return None
+    if _selectivity_key(spec, layout, first[0])[0]:
+        return first[0]
+    return max(_sized(*sizing), key=lambda channels: _selectivity_key(spec, layout, channels))
 
 
 @lru_cache(maxsize=256)
-def _sized(spec: Spec, count: int, space: Room, changes: int) -> tuple[tuple[SizedChannel, ...], ...]:
-    """Return sets of beams: for the first printable ladder of resonances or, with optimised spacing, for all."""
+def _sized(
+    spec: Spec, count: int, space: Room, changes: int, most: int | None = None
+) -> tuple[tuple[SizedChannel, ...], ...]:
+    """Return sets of beams for the printable ones of all ladders of resonances, or for the first `most` of these."""
     undriven = replace(spec, drive=DriveTable())
     sized = (channels for hz in ladders(spec, count, space) if (channels := _resonating(undriven, space, hz, changes)))
-    return tuple(sized if spec.spacing == "optimised" else islice(sized, 1))
+    return tuple(islice(sized, most))
 
 
 @lru_cache(maxsize=256)

@@ -98,3 +98,14 @@ def test_the_second_layout_in_rank_is_judged_too():
     chosen = make.choose(spec)
     assert (chosen.layout.rows, chosen.layout.columns) == (2, 2)
     assert lasts(chosen)
+
+
+def test_a_pad_too_large_for_its_bed_lasts_as_it_does_on_a_larger_one():
+    """That a bed is too small is the same for all layouts."""
+    spec = make_spec({**LARGE, "q_min": 25})
+    small_bed = replace(spec, printer=replace(spec.printer, bed_x_mm=30.0))
+    plan = make_plan(small_bed, tries_cures=False)
+    assert [finding.code for finding in plan.findings if finding.level == "error"] == ["plan.bed"]
+    chosen = make.choose(small_bed)
+    assert chosen.layout == make.choose(spec).layout
+    assert chosen.limits == "what prints keep for life"

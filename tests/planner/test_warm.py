@@ -5,6 +5,7 @@
 | rise of a pad that conducts well | root of its balance, films of docs/measure_warm.py | 0.1 % | the same films |
 | rise beside a line of heat | e^(−x/√(S/g)), a fin's | 1 % | 200 cells, six decay lengths |
 | rises of a pad with more heat | larger | exact | physics |
+| heat that leaves a pad, films of docs/measure_warm.py | the coils' heat | 0.1 % | rounds end at 0.01 % of the rise |
 | rises of coils and beams | a 3-D heat solution (docs/measure_warm.py, 1.25 mm) | 30 % | as plans state |
 | loss by a cold table | the receptance at its tones | 1e-6 dB | the same formula |
 | loss by a cold file | the pad simulated in time | 0.15 dB | tones beside a constant are not small |
@@ -25,6 +26,7 @@ from scipy.optimize import brentq
 import padgen as pg
 from padgen import cli, drive
 from padgen.core.errors import FileError, OlderPlanError, SpecError
+from padgen.core.units import COPPER_C, COPPER_MELTS_C, COPPER_PER_K
 from padgen.core.wav_reader import read_wav
 from padgen.driver.ear import hear
 from padgen.driver.formats.wav import wave_json, write_wave
@@ -120,6 +122,28 @@ def test_more_heat_makes_coils_and_beams_warmer_however_hot_they_are():
         hot = temperatures(layers._replace(heat_w=layers.heat_w / layers.heat_w.sum() * heat_w), 23.0)
         rises.append(hot.max((1, 2)) - 23.0)
     assert (np.diff(rises, axis=0) > 0).all()
+
+
+@pytest.mark.parametrize("name", ["wide-11", "fingertip-24"])
+@pytest.mark.parametrize("times", [1, 5, 30, 200])
+def test_as_much_heat_leaves_as_coils_make_however_hot_they_are(name, times):
+    # Of thirty times their heat coils of wide-11 came out at 950 °C, where 1310 balance it.
+    layers = warm_layers(pg.plan(name))
+    layers = layers._replace(heat_w=layers.heat_w * times)
+    room_c = 23.0
+    warm_c = temperatures(layers, room_c)
+    area = np.outer(layers.depth_m, layers.width_m)
+    half_m = layers.width_m.sum(), layers.depth_m.sum()
+    pad_k = np.average(warm_c[1], weights=area) - room_c
+    leaving_w = area.sum() * pad_k * measure_warm.film_up(pad_k, half_m[0] * half_m[1] / sum(half_m), room_c)
+    for sheet_c, height_m in zip(warm_c, layers.height_m, strict=True):
+        edge_m = np.concatenate([layers.width_m, layers.depth_m])
+        edge_k = np.average(np.concatenate([sheet_c[0], sheet_c[:, 0]]), weights=edge_m) - room_c
+        film = measure_warm.film_side(edge_k, layers.height_m.sum(), room_c)
+        leaving_w += edge_m.sum() * height_m * film * edge_k
+    leaving_w += (layers.below_w_per_k * (warm_c[0] - room_c)).sum()
+    made_w = (layers.heat_w * (1 + COPPER_PER_K * (np.minimum(warm_c[0], COPPER_MELTS_C) - COPPER_C))).sum()
+    assert leaving_w == pytest.approx(made_w, rel=1e-3)
 
 
 @pytest.mark.parametrize(("name", "share"), [("pad-32", 0.2), ("eight", 0.2), ("board-32", 0.06), ("two-coils", 0.2)])
