@@ -26,7 +26,7 @@ from typing import NamedTuple
 from padgen.core.errors import Finding, InfeasibleError, at_most, number
 from padgen.core.units import COPPER_OHM_M, MM
 from padgen.physics.board_coil import BoardCoil, BoardLayer, board_layers
-from padgen.planner.coils.board import board_coil, house_of
+from padgen.planner.coils.board import HEAD_MM, board_coil, house_of
 from padgen.planner.layout import SLACK_MM, coil_axis_mm, corner_holes_mm
 from padgen.planner.plan import Plan
 from padgen.spec import Spec
@@ -55,8 +55,6 @@ LABEL_MM = 1.0
 LABEL_AWAY_MM = 3.2
 MARGIN_MM = 1.5
 """Height of names, distance of the middle of a pin's name from it, and room round the pins."""
-HEAD_MM = 1.0
-"""Room round a mounting hole for the head of its screw, beyond the hole's edge."""
 
 
 class Track(NamedTuple):

@@ -11,6 +11,7 @@ from operator import itemgetter
 from typing import Any
 
 from padgen.core.errors import InfeasibleError, PadgenError, SolverError, SpecError, cured, number, plural
+from padgen.core.registry import COILS
 from padgen.planner.layout import (
     SLACK_MM,
     Layout,
@@ -48,6 +49,8 @@ Cure = dict[str, Any]
 def varied(spec: Spec, cure: Cure) -> Spec:
     """Return the spec that results if `cure` is written into the file of `spec`; raises as `make_spec` does."""
     table = without_none(asdict(spec))
+    if given_fields := getattr(COILS.get(spec.coil.kind, "coil.kind"), "given_fields", None):
+        table["coil"] = given_fields(spec.coil)
     if "printer" in cure and table["spread"] == catalogue("spread").get(spread_of(spec.printer)):
         del table["spread"]  # the file leaves it to the printer
     amplifier = spec.amplifier

@@ -14,13 +14,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from padgen.core.errors import number, plural
+from padgen.core.errors import at_least, number, plural
 from padgen.core.registry import COILS, MOVERS, SUSPENSIONS
 from padgen.core.units import MM
 from padgen.planner.plan import TURNS, Channel, CoilGrid, Pitch, Plan, Site, Taxel
 from padgen.planner.suspensions import Arrangement, PlateShape, Room, Suspension, allowed, suspension
 from padgen.planner.taxel_model import narrowest_mm, plate_shape, recess_mm, shortest_mm
-from padgen.spec import PadTable, Spec
+from padgen.spec import Coil, PadTable, Spec
 
 __all__ = [
     "SLACK_MM",
@@ -47,6 +47,8 @@ __all__ = [
     "taxel_places",
     "taxel_site",
     "to_cell",
+    "with_fitting_coil",
+    "with_narrower_coils",
 ]
 
 
@@ -120,7 +122,7 @@ def _candidates(spec: Spec, channel_limit: int, suspensions_version: int) -> tup
     spare = [_margin_bound_mm(spec, parts, layout) for layout in bare]
     least = sorted(spare, reverse=True)[min(len(spare), NEAR_MISSES) - 1] if spare else 0.0
     near = (layout for layout, mm in zip(bare, spare, strict=True) if mm >= min(least, -SLACK_MM))
-    sized = [replace(layout, slacks=_slacks(spec, parts, layout)) for layout in near]
+    sized = [replace(layout, slacks=_slacks(with_fitting_coil(spec, layout), parts, layout)) for layout in near]
     return tuple(sorted(sized, key=lambda layout: layout.rank))
 
 
@@ -160,7 +162,7 @@ def _with_room(spec: Spec, channel_limit: int, suspensions_version: int, group: 
     parts = _parts(spec)
     alike = _by_coils(spec, channel_limit, suspensions_version)[group]
     near = [layout for layout in alike if _margin_bound_mm(spec, parts, layout) >= -SLACK_MM]
-    sized = [replace(layout, slacks=_slacks(spec, parts, layout)) for layout in near]
+    sized = [replace(layout, slacks=_slacks(with_fitting_coil(spec, layout), parts, layout)) for layout in near]
     return tuple(sorted((one for one in sized if one.margin_mm >= -SLACK_MM), key=lambda layout: layout.rank))
 
 
@@ -188,7 +190,8 @@ def full_smaller_layouts(spec: Spec, channel_limit: int) -> Iterator[Layout]:
             work += 1
             if spare[size] >= -SLACK_MM:
                 work += layout.channels
-                fitting.append(replace(layout, slacks=_slacks(spec, parts, layout)))
+                fitted = with_fitting_coil(spec, layout)
+                fitting.append(replace(layout, slacks=_slacks(fitted, parts, layout)))
         yield from sorted((f for f in fitting if f.margin_mm >= -SLACK_MM), key=lambda layout: layout.rank)
         if work > MOST_WORK:
             return
@@ -215,8 +218,8 @@ def channel_counts(spec: Spec, channel_limit: int) -> Sequence[int]:
 
 
 def most_coils(spec: Spec) -> tuple[int, int]:
-    """Return rows and columns of the largest grid whose pitch is at least the coil's diameter."""
-    coil = spec.coil.outer_diameter_mm
+    """Return rows and columns of the largest grid whose pitch is at least the coil's (smallest) diameter."""
+    coil = _least_coil_mm(spec.coil)
     return floor(spec.pad.depth_mm / coil + 1e-9), floor(spec.pad.width_mm / coil + 1e-9)
 
 
@@ -254,16 +257,17 @@ def _divisions(spec: Spec, rows: int, columns: int, channels: int, wanted: int) 
 def room(spec: Spec, layout: Layout) -> Room:
     """Return the room between the ribs of one sub-cell, along and across the beams.
 
-    Its two limits keep every washer over its coil's winding. The sub-cell's centre is at (u, v) from the coil axis,
-    with the root on the side away from the axis; the washer may lie beyond the axis, or short of it, by no more than
-    the winding reaches there.
+    Its two limits keep every washer over its coil's winding, where that pulls it. The sub-cell's centre is at (u, v)
+    from the coil axis, with the root on the side away from the axis; the washer may lie beyond the axis, or short of it,
+    by no more than the winding reaches there.
     """
     length, width = _sides_mm(spec, layout)
     slide = max(width - plate_shape(spec).width_mm, 0) / 2 - spec.printer.smallest_gap_mm
     centres = [at if layout.beam_axis == "x" else at[::-1] for at in sub_cell_centres(layout)]
     # What sliding across leaves of v is a chord's distance from the coil's axis: the winding reaches half that chord.
     beside = [(abs(u), max(abs(v) - max(slide, 0), 0)) for u, v in centres]
-    reaches = [(u, sqrt(max((spec.coil.outer_diameter_mm / 2) ** 2 - off**2, 0.0))) for u, off in beside]
+    radius_mm = min(spec.coil.outer_diameter_mm / 2, coil_reach_mm(spec))
+    reaches = [(u, sqrt(max(radius_mm**2 - off**2, 0.0))) for u, off in beside]
     return Room(length, width, *(min(length / 2 + way * u + reach for u, reach in reaches) for way in (1, -1)))
 
 
@@ -297,11 +301,54 @@ def _margin_bound_mm(spec: Spec, parts: _Parts, layout: Layout) -> float:
 
 
 def _slacks(spec: Spec, parts: _Parts, layout: Layout) -> tuple[tuple[str, float], ...]:
-    # That of the reach is the farthest washer's to the coil's, with plates slid towards the coil.
-    pocket = recess_mm(spec)[0] / 2 + spec.printer.line_width_mm + parts.gap_mm + spec.pad.rib_mm / 2
+    reach_mm = coil_reach_mm(spec) - _farthest_mover_mm(spec, layout)
+    return *_part_slacks(spec, parts, layout, room(spec, layout)), ("reach", reach_mm)
+
+
+def _farthest_mover_mm(spec: Spec, layout: Layout) -> float:
+    """Return how far in mm off the coil's axis the farthest mover lies, with plates slid towards the coil."""
+    pocket = recess_mm(spec)[0] / 2 + spec.printer.line_width_mm + spec.printer.smallest_gap_mm + spec.pad.rib_mm / 2
     x_mm, y_mm = (max(side / 2 - pocket, 0) for side in (layout.sub_width_mm, layout.sub_depth_mm))
-    farthest = max(hypot(max(abs(x) - x_mm, 0), max(abs(y) - y_mm, 0)) for x, y in sub_cell_centres(layout))
-    return *_part_slacks(spec, parts, layout, room(spec, layout)), ("reach", coil_reach_mm(spec) - farthest)
+    return max(hypot(max(abs(x) - x_mm, 0), max(abs(y) - y_mm, 0)) for x, y in sub_cell_centres(layout))
+
+
+COIL_STEP_MM = 0.1
+"""Step of the outer diameter of coils whose size is left open."""
+
+
+def with_fitting_coil(spec: Spec, layout: Layout) -> Spec:
+    """Return `spec` with the widest coil for which the cells of `layout` have room, if the coil's size is left open."""
+    if spec.coil.sizing != "auto":
+        return spec
+    kind = COILS.get(spec.coil.kind, "coil.kind")
+    widest_mm = kind.widest_mm(spec.coil, spec.pad, layout.rows, layout.columns)
+    return replace(spec, coil=kind.resized(spec.coil, max(_stepped_mm(widest_mm), _least_coil_mm(spec.coil))))
+
+
+def with_narrower_coils(spec: Spec) -> Iterator[Spec]:
+    """Yield `spec` with narrower coils."""
+    kind = COILS.get(spec.coil.kind, "coil.kind")
+    for k in range(1, MOST_NARROWER + 1):
+        narrower_mm = _stepped_mm(spec.coil.outer_diameter_mm * NARROWER**k)
+        if narrower_mm >= kind.narrowest_mm(spec.coil):
+            yield replace(spec, coil=kind.resized(spec.coil, narrower_mm))
+
+
+NARROWER = 0.93
+MOST_NARROWER = 16
+"""Ratio of the outer diameters of narrower coils that are tried, each to the next wider one's, and how many are tried:
+down to three tenths of the widest."""
+
+
+def _stepped_mm(outer_mm: float) -> float:
+    return round(floor(outer_mm / COIL_STEP_MM + SLACK_MM) * COIL_STEP_MM, 6)
+
+
+def _least_coil_mm(coil: Coil) -> float:
+    """Return the outer diameter of a coil in mm, or the least that it may have if its size is left open."""
+    if coil.sizing != "auto":
+        return coil.outer_diameter_mm
+    return float(at_least(COILS.get(coil.kind, "coil.kind").narrowest_mm(coil)))
 
 
 def _part_slacks(spec: Spec, parts: _Parts, layout: Layout, inside: Room) -> tuple[tuple[str, float], ...]:
@@ -321,8 +368,11 @@ def _part_slacks(spec: Spec, parts: _Parts, layout: Layout, inside: Room) -> tup
 
 
 def coil_room_mm(spec: Spec, rows: int) -> tuple[float, float]:
-    """Return the least coil pitch in mm along x and y; on a board, tracks to `rows` coils run between columns."""
-    outer_mm = spec.coil.outer_diameter_mm
+    """Return the least coil pitch in mm along x and y; on a board, tracks to `rows` coils run between columns.
+
+    Of a coil whose size is left open it is that of the smallest.
+    """
+    outer_mm = _least_coil_mm(spec.coil)
     if spec.coil.kind == "solenoid":
         return outer_mm, outer_mm
     beside = getattr(COILS.get(spec.coil.kind, "coil.kind"), "beside_mm", None)
@@ -401,6 +451,7 @@ def _share_to_ring(ring_mm: float, near: np.ndarray, way: np.ndarray) -> float:
 
 def binding_limit_text(spec: Spec, layout: Layout) -> str:
     """Return one clause that names the limit that binds this layout, and by how much."""
+    spec = with_fitting_coil(spec, layout)
     kind, slack = layout.binding
     pitch = min(spec.pad.width_mm / layout.columns, spec.pad.depth_mm / layout.rows)
     sub = f"a taxel has {number(layout.sub_width_mm)} x {number(layout.sub_depth_mm)} mm of the pad"

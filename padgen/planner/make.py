@@ -37,7 +37,17 @@ from padgen.planner.drive_scheme import (
     plan_selectivity,
 )
 from padgen.planner.judge import judge
-from padgen.planner.layout import Layout, candidates, coil_reach_mm, pitch_of, placed_taxel, room, roomy_layouts
+from padgen.planner.layout import (
+    Layout,
+    candidates,
+    coil_reach_mm,
+    pitch_of,
+    placed_taxel,
+    room,
+    roomy_layouts,
+    with_fitting_coil,
+    with_narrower_coils,
+)
 from padgen.planner.left_out import left_out, unbounded_and_included
 from padgen.planner.life import keeps_for_life, planned_life
 from padgen.planner.limits import exceeded
@@ -152,6 +162,11 @@ class _Unsized(NamedTuple):
     size: Callable[[], SizedLayout | None]
 
     @classmethod
+    def with_coil(cls, spec: Spec, layout: Layout, size: Callable[[], SizedLayout | None]) -> "_Unsized":
+        """Return a candidate with the coil that its layout has."""
+        return cls(with_fitting_coil(spec, layout), layout, size)
+
+    @classmethod
     def of(cls, choice: Choice) -> "_Unsized":
         """Return a choice as a candidate whose beams have been sized already."""
         return cls(choice.spec, choice.layout, lambda: (choice.layout, choice.channels))
@@ -259,7 +274,7 @@ def _searched(spec: Spec, quick: bool = False, most: int | None = None) -> Choic
             options = roomy_layouts(decided, channel_limit(decided))
             known[key] = layouts_to_size(decided, options, None if spec.leaves_layout_free else 1)
         known[key], unsized = tee(known[key])
-        ranked.append(starmap(partial(_Unsized, decided), unsized))
+        ranked.append(starmap(partial(_Unsized.with_coil, decided), unsized))
     if quick:
         return next((choice for one in chain(*ranked) if (choice := one.choice())), None)
     # Layouts are sized when it is their turn: those after the first one whose prints work never are.
@@ -277,6 +292,9 @@ def _searched(spec: Spec, quick: bool = False, most: int | None = None) -> Choic
         best = fewest_coils
         if works:
             best = _lasting(fewest_coils, chain(map(_Unsized.of, unjudged), merged), for_cure=most is not None)
+    sizing = spec.coil.sizing
+    if sizing == "auto":
+        best = _with_best_coils(best)
     spec, layout, channels, *_ = best
     sites = sites_of(spec, layout, channels)
     if snaps(resting(spec, channels, sites)):
@@ -295,9 +313,10 @@ def _searched(spec: Spec, quick: bool = False, most: int | None = None) -> Choic
     if most:
         return best
     limit = channel_limit(spec)
-    others = (option for option in roomy_layouts(spec, limit) if _grid(option) != _grid(layout))
-    runners_up = tuple(_option(spec, *sized) for sized in islice(sized_layouts(spec, others), RUNNERS_UP))
-    limits = _limiting_name(spec, layout, limit)
+    any_coil = replace(spec, coil=replace(spec.coil, sizing=sizing))
+    others = (option for option in roomy_layouts(any_coil, limit) if _grid(option) != _grid(layout))
+    runners_up = tuple(_option(any_coil, *sized) for sized in islice(sized_layouts(any_coil, others), RUNNERS_UP))
+    limits = _limiting_name(any_coil, layout, limit)
     if layout.channels < fewest_coils.layout.channels:
         limits = "what prints keep for life"
     return best._replace(runners_up=runners_up, limits=limits)
@@ -414,6 +433,36 @@ def _lasting(works: Choice, later: Iterator[_Unsized], for_cure: bool = False) -
         if judged == most:
             break
     return sound or works
+
+
+def _with_best_coils(widest: Choice) -> Choice:
+    """Return a choice with the best of its coils, the `widest` ones, and narrower ones.
+
+    These are, of coils with which prints work as often as asked, of these with which they do for life, those whose heat
+    is least at the planned levels. Beams are sized anew: movers come to lie nearer to narrow coils.
+    """
+    best = widest
+    best_key = _coil_key(widest)
+    for spec in with_narrower_coils(widest.spec):
+        alike = (o for o in roomy_layouts(spec, widest.layout.channels) if _grid(o) == _grid(widest.layout))
+        sized = next(sized_layouts(spec, alike), None)
+        if sized is None:
+            continue
+        narrower = Choice(spec, *sized)
+        key = _coil_key(narrower)
+        if key > best_key:
+            best = narrower
+            best_key = key
+    return best
+
+
+def _coil_key(choice: Choice) -> tuple[bool, bool, float]:
+    """Return a sort key of choices that differ in their coils: the last is best."""
+    share = choice.spec.print_share
+    judged_by = _Round({}, for_cure=False, overloaded=True)
+    works = _tried(choice, decibel(choice.spec.delta_y), share, judged_by).share >= share
+    bare = _assemble(choice, *_channels_and_selectivity(choice))
+    return works, works and keeps_for_life(bare), -bare.load.copper_loss_w
 
 
 def _is_too_hot(bare: Plan) -> bool:
@@ -755,6 +804,7 @@ def _taxels(layout: Layout, coils: CoilGrid, channels: tuple[Channel, ...], turn
 
 
 def _option(spec: Spec, layout: Layout, sized: tuple[SizedChannel, ...]) -> LayoutOption:
+    spec = with_fitting_coil(spec, layout)
     kept_db = plan_selectivity(spec, plan_channels(spec, sized, sites_of(spec, layout, sized))).kept_db
     return LayoutOption(*_grid(layout), layout.coils * layout.channels - layout.surplus, layout.margin_mm, kept_db)
 

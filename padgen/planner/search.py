@@ -37,7 +37,15 @@ from padgen.physics.selectivity import (
 from padgen.planner.channels import hanging_gap_um, plan_channels, resting
 from padgen.planner.core_pull import snapping_message_and_cures, snaps
 from padgen.planner.drive_scheme import chosen_drive
-from padgen.planner.layout import SLACK_MM, Layout, coil_reach_mm, room, sub_cell_centres, taxel_site
+from padgen.planner.layout import (
+    SLACK_MM,
+    Layout,
+    coil_reach_mm,
+    room,
+    sub_cell_centres,
+    taxel_site,
+    with_fitting_coil,
+)
 from padgen.planner.plan import Capacity, Site, level_law, scheme_named
 from padgen.planner.sizing import DRAWN_SHARE, SizedChannel, beam_inputs, beams_for_resonances, reach
 from padgen.planner.suspensions import Room, allowed
@@ -319,7 +327,7 @@ def layouts_to_size(spec: Spec, options: Iterable[Layout], most: int | None = No
             break
         tried = tried + 1
         channels_tried = channels_tried + layout.channels
-        size = cache(partial(_with_sized_beams, spec, layout))
+        size = cache(partial(_with_sized_beams, with_fitting_coil(spec, layout), layout))
         yield layout, size
         if size() is not None:
             seen.add(key)
@@ -359,15 +367,16 @@ def snapping(spec: Spec, options: Iterable[Layout]) -> tuple[str, list[dict[str,
     At most `MOST_SNAPPING` layouts are tried.
     """
     for layout in islice(options, MOST_SNAPPING):
-        channels = _beams(spec, layout)
+        fitted = with_fitting_coil(spec, layout)
+        channels = _beams(fitted, layout)
         if not channels:
             continue
-        sites = sites_of(spec, layout, channels)
-        rest = resting(spec, channels, sites)
+        sites = sites_of(fitted, layout, channels)
+        rest = resting(fitted, channels, sites)
         if rest is not None and snaps(rest):
-            gap_um = hanging_gap_um(spec, np.array([float(c.model.sag_m) for c in channels]) / UM)
+            gap_um = hanging_gap_um(fitted, np.array([float(c.model.sag_m) for c in channels]) / UM)
             stiffness = np.array([float(c.model.stiffness_n_per_m) for c in channels])
-            return snapping_message_and_cures(spec, sites, gap_um, stiffness, rest)
+            return snapping_message_and_cures(fitted, sites, gap_um, stiffness, rest)
     return None
 
 

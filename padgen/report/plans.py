@@ -116,9 +116,12 @@ def pad_line(plan: "Plan") -> str:
 
 
 def _coils_text(plan: "Plan") -> str:
-    """Return how many coils there are, as rows x columns."""
+    """Return how many coils there are, as rows x columns, and how wide those on a board are."""
     coils = plan.coils
-    return "1 coil" if coils.rows * coils.columns == 1 else f"{coils.rows} x {coils.columns} coils"
+    text = "1 coil" if coils.rows * coils.columns == 1 else f"{coils.rows} x {coils.columns} coils"
+    if plan.spec.coil.kind == "board":
+        return f"{text} of {number(plan.spec.coil.outer_diameter_mm)} mm on a board"
+    return text
 
 
 def _channels_text(plan: "Plan") -> str:

@@ -201,6 +201,12 @@ def _parts_rules(spec: Spec) -> list[Rule]:
             [{"coil.gap_mm": coil.outer_diameter_mm}],
         ),
         Rule(
+            coil.sizing == "given" or hasattr(COILS.get(coil.kind, "coil.kind"), "resized"),
+            "coil.sizing",
+            f"must be 'given' of coils of kind {coil.kind!r}, got {coil.sizing!r}",
+            [{"coil.sizing": "given"}],
+        ),
+        Rule(
             coil.core_diameter_mm <= coil.inner_diameter_mm,
             "coil.core_diameter_mm",
             f"must fit the winding's bore of {number(coil.inner_diameter_mm)} mm, got"

@@ -427,6 +427,12 @@ class Coil:
     power_limit_w: float = quantity(0.5, unit="W", low=1e-4, high=1e4, doc="heat that one coil bears for long")
     source: str = text("", doc="where the figures come from")
     house: str = text("", doc="rules of the house that makes a board coil (board_houses.csv)")
+    sizing: str = choice(
+        "given",
+        of=("given", "auto"),
+        doc="auto: the search finds the outer diameter of a board coil for which its cell has room and that takes the"
+        " least power, which is the default where none is given",
+    )
     layers: int | None = quantity(None, unit="layers", low=2, high=16, doc="copper layers of a board coil")
     track_mm: float | None = quantity(None, unit="mm", low=0.02, high=10, doc="width of a board coil's tracks")
     space_mm: float | None = quantity(None, unit="mm", low=0.02, high=10, doc="space between a board coil's tracks")

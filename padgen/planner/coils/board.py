@@ -10,9 +10,11 @@
               |bore|            with a via for each pair of layers
 
 A spec gives sizes and the rules of a house, or nothing but ``kind = "board"``; turns, resistance, inductance and the
-heat that it bears are worked out (`padgen.physics.board_coil`).
+heat that it bears are worked out (`padgen.physics.board_coil`). Where it gives no outer diameter, each layout has coils
+of the size that takes the least power of those for which its cells have room.
 """
 
+from dataclasses import asdict
 from functools import lru_cache
 from typing import Any
 
@@ -29,10 +31,21 @@ from padgen.physics.board_coil import (
     resistance,
 )
 from padgen.physics.magnetics import CoilSource
-from padgen.spec import Coil, catalogue
+from padgen.spec import Coil, PadTable, catalogue
 from padgen.spec.fields import build
 
-__all__ = ["beside_mm", "board_coil", "completed", "house_of", "source"]
+__all__ = [
+    "HEAD_MM",
+    "beside_mm",
+    "board_coil",
+    "completed",
+    "given_fields",
+    "house_of",
+    "narrowest_mm",
+    "resized",
+    "source",
+    "widest_mm",
+]
 
 DEFAULTS: dict[str, Any] = {"name": "board", "house": "coil-0.15", "layers": 4, "outer_diameter_mm": 9.6}
 USUAL_THICKNESS_MM = 1.6
@@ -41,6 +54,8 @@ WORKED_OUT = ("turns", "resistance_ohm", "inductance_mh")
 AS_WORKED_OUT = 1e-9
 """Relative difference by which a recorded one may differ."""
 LEAST_TURNS = 1.0
+HEAD_MM = 1.0
+"""Room round a mounting hole for the head of its screw, beyond the hole's edge."""
 
 
 def source(coil: Coil) -> CoilSource:
@@ -98,6 +113,57 @@ def beside_mm(coil: Coil, rows: int) -> tuple[float, float]:
     return rows * coil.track_mm + (rows + 1) * coil.space_mm, 2 * coil.space_mm
 
 
+def widest_mm(coil: Coil, pad: PadTable, rows: int, columns: int) -> float:
+    """Return the largest outer diameter in mm with which coils, tracks and screws have room on the board of a pad."""
+    beside_x, beside_y = beside_mm(coil, rows)
+    pitch_x = pad.width_mm / columns
+    # The tracks of the last column pass between its coils and the screws' heads.
+    before_screws = pitch_x + pad.border_mm - pad.hole_diameter_mm - 2 * HEAD_MM - 2 * beside_x
+    return min(pitch_x - beside_x, before_screws, pad.depth_mm / rows - beside_y)
+
+
+def narrowest_mm(coil: Coil) -> float:
+    """Return the outer diameter in mm that has room for a turn on every layer round a coil's bore."""
+    board = board_coil(coil)
+    return coil.inner_diameter_mm + 2 * (2 * board.pitch + board.track) / MM
+
+
+def given_fields(coil: Coil) -> dict[str, Any]:
+    """Return the fields of a board coil that do not follow from others or from its house, as a spec may give them."""
+    board = board_coil(coil)
+    follow = _of_house(house_of(coil)) | {"inner_diameter_mm": _bore_mm(coil), "power_limit_w": heat_limit(board)}
+    worked_out = {*WORKED_OUT, *(key for key, value in follow.items() if getattr(coil, key) == value)}
+    if coil.sizing == "auto":
+        worked_out |= {"outer_diameter_mm", "sizing"}
+    return {key: value for key, value in asdict(coil).items() if value is not None and key not in worked_out}
+
+
+@lru_cache(maxsize=1024)
+def resized(coil: Coil, outer_diameter_mm: float) -> Coil:
+    """Return a board coil of another outer diameter, with the figures that follow from it.
+
+    Raises
+    ------
+    SpecError
+        There is no room for a turn on every layer.
+    """
+    return completed(given_fields(coil) | {"outer_diameter_mm": outer_diameter_mm, "sizing": "given"})
+
+
+def _of_house(house: dict[str, Any]) -> dict[str, Any]:
+    """Return the fields of a board coil that its house decides where the spec does not."""
+    sold_mm = house["thickness_mm"]
+    usual_mm = USUAL_THICKNESS_MM if USUAL_THICKNESS_MM in sold_mm else sold_mm[0]
+    return {"length_mm": usual_mm} | {
+        key: house[key] for key in ("track_mm", "space_mm", "copper_um", "inner_copper_um")
+    }
+
+
+def _bore_mm(coil: Coil) -> float:
+    """Return the smallest bore in mm with room for a coil's vias."""
+    return round(bore_needed(board_coil(coil)) / MM, 6)
+
+
 def completed(given: dict[str, Any]) -> Coil:
     """Return the board coil of the spec table `given`, missing fields taken from the board house's rules or computed.
 
@@ -111,15 +177,16 @@ def completed(given: dict[str, Any]) -> Coil:
     stated = {key: value for key, value in given.items() if key not in WORKED_OUT}
     coil: Coil = build(Coil, stated, "coil", {**DEFAULTS, **unknown, **air})
     house = house_of(coil)
-    sold_mm = house["thickness_mm"]
-    usual_mm = USUAL_THICKNESS_MM if USUAL_THICKNESS_MM in sold_mm else sold_mm[0]
-    values = {key: house[key] for key in ("track_mm", "space_mm", "copper_um", "inner_copper_um")}
-    values |= {"length_mm": usual_mm, **stated}
+    sizing = "given" if "outer_diameter_mm" in given else "auto"
+    values = _of_house(house) | {"sizing": sizing} | stated
     coil = build(Coil, values, "coil", {**DEFAULTS, **unknown, **air})
     _refuse(coil, house)
-    bore_mm = round(bore_needed(board_coil(coil)) / MM, 6)
+    bore_mm = _bore_mm(coil)
     if "inner_diameter_mm" not in given:
         values["inner_diameter_mm"] = bore_mm
+        coil = build(Coil, values, "coil", {**DEFAULTS, **unknown, **air})
+    if coil.sizing == "auto" and coil.outer_diameter_mm < narrowest_mm(coil):
+        values["outer_diameter_mm"] = float(at_least(narrowest_mm(coil)))
         coil = build(Coil, values, "coil", {**DEFAULTS, **unknown, **air})
     _refuse_room(coil, bore_mm)
     board = board_coil(coil)
@@ -198,7 +265,7 @@ def _refuse_room(coil: Coil, bore_mm: float) -> None:
         )
     board = board_coil(coil)
     if min(layer.turns for layer in board_layers(board)) < LEAST_TURNS:
-        needed_mm = coil.inner_diameter_mm + 2 * (2 * board.pitch + board.track) / MM
+        needed_mm = narrowest_mm(coil)
         narrower_mm = coil.outer_diameter_mm - (needed_mm - coil.inner_diameter_mm)
         cures: list[dict[str, Any]] = [{"coil.outer_diameter_mm": float(at_least(needed_mm))}]
         if narrower_mm > bore_mm:
