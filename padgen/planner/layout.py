@@ -258,8 +258,8 @@ def room(spec: Spec, layout: Layout) -> Room:
     """Return the room between the ribs of one sub-cell, along and across the beams.
 
     Its two limits keep every washer over its coil's winding, where that pulls it. The sub-cell's centre is at (u, v)
-    from the coil axis, with the root on the side away from the axis; the washer may lie beyond the axis, or short of it,
-    by no more than the winding reaches there.
+    from the coil axis, with the root on the side away from the axis; the washer may lie beyond the axis, or short of
+    it, by no more than the winding reaches there.
     """
     length, width = _sides_mm(spec, layout)
     slide = max(width - plate_shape(spec).width_mm, 0) / 2 - spec.printer.smallest_gap_mm
