@@ -594,7 +594,8 @@ def _tried(choice: Choice, least_db: float, least_share: float, judged_by: _Roun
     _, channels, chosen = known[id(choice)]
     meets = any(c.level_um + c.sag_um + c.static_um >= spec.coil.gap_mm * MM / UM for c in channels)
     load = coil_load(spec, channels, scheme_named(spec, chosen.drive))
-    if meets or not is_fed(spec, load):
+    is_unpulled = any(c.force_constant_n_per_a2 <= 0 for c in channels)  # as a magnet beyond its coil's reach
+    if meets or is_unpulled or not is_fed(spec, load):
         return ChoiceFigures(-inf)
     if not judged_by.overloaded and any(exceeded(spec, coil_demand(load, choice.layout.coils))):
         return ChoiceFigures(-inf)

@@ -34,7 +34,7 @@ from padgen.physics.selectivity import (
     loudest_line,
     one_hot_db,
 )
-from padgen.planner.channels import hanging_gap_um, plan_channels, resting
+from padgen.planner.channels import force_constants, hanging_gap_um, plan_channels, resting
 from padgen.planner.core_pull import snapping_message_and_cures, snaps
 from padgen.planner.drive_scheme import chosen_drive
 from padgen.planner.layout import (
@@ -343,7 +343,7 @@ def sized_layouts(spec: Spec, options: Iterable[Layout]) -> Iterator[SizedLayout
 def _with_sized_beams(spec: Spec, layout: Layout) -> SizedLayout | None:
     """Return a layout with sized beams, its washers moved if that makes it more selective; None if it cannot work.
 
-    Every washer must overlap its coil, and none may snap to its core.
+    Every washer must overlap its coil and be pulled by it, and none may snap to its core.
     """
     channels = _beams(spec, layout)
     if not channels:
@@ -351,6 +351,9 @@ def _with_sized_beams(spec: Spec, layout: Layout) -> SizedLayout | None:
     reach_mm = coil_reach_mm(spec) + SLACK_MM
     sites = sites_of(spec, layout, channels)
     if any(site.coil_distance_mm > reach_mm for site in sites) or snaps(resting(spec, channels, sites)):
+        return None
+    # Where it hangs a magnet's pull may turn round nearer to the axis than at the gap without sag.
+    if spec.force_order == 1 and force_constants(spec, channels, sites).min() <= 0:
         return None
     even = _with_even_pull(spec, layout, channels)
     held = even == layout or not snaps(resting(spec, channels, sites_of(spec, even, channels)))
