@@ -87,6 +87,7 @@ from padgen.planner.search import (
     printed_count,
     sites_of,
     sized_layouts,
+    snapping,
 )
 from padgen.planner.shaken_pad import planned_recoil
 from padgen.planner.sizing import SizedChannel
@@ -302,6 +303,8 @@ def _searched(spec: Spec, quick: bool = False, most: int | None = None) -> Choic
     pulls = force_constants(spec, channels, sites)
     far = int(pulls.argmin())
     if pulls[far] <= 0:  # as on a grid with too few coils
+        if snapping(spec, sorted(roomy_layouts(spec, channel_limit(spec)), key=lambda layout: -layout.margin_mm)):
+            return None  # the core is why nearer movers are no candidates
         distance_mm = sites[far].coil_distance_mm
         reach_mm = coil_reach_mm(spec)
         up_to = f", but up to {number(reach_mm)} mm" if reach_mm < distance_mm else ""

@@ -34,7 +34,7 @@ from padgen.physics.selectivity import (
     loudest_line,
     one_hot_db,
 )
-from padgen.planner.channels import force_constants, hanging_gap_um, plan_channels, resting
+from padgen.planner.channels import hanging_gap_um, plan_channels, resting
 from padgen.planner.core_pull import snapping_message_and_cures, snaps
 from padgen.planner.drive_scheme import chosen_drive
 from padgen.planner.layout import (
@@ -69,6 +69,7 @@ __all__ = [
     "sites_of",
     "sized_layouts",
     "slot_band_hz",
+    "snapping",
 ]
 
 
@@ -343,7 +344,7 @@ def sized_layouts(spec: Spec, options: Iterable[Layout]) -> Iterator[SizedLayout
 def _with_sized_beams(spec: Spec, layout: Layout) -> SizedLayout | None:
     """Return a layout with sized beams, its washers moved if that makes it more selective; None if it cannot work.
 
-    Every washer must overlap its coil and be pulled by it, and none may snap to its core.
+    Every washer must overlap its coil, and none may snap to its core.
     """
     channels = _beams(spec, layout)
     if not channels:
@@ -351,9 +352,6 @@ def _with_sized_beams(spec: Spec, layout: Layout) -> SizedLayout | None:
     reach_mm = coil_reach_mm(spec) + SLACK_MM
     sites = sites_of(spec, layout, channels)
     if any(site.coil_distance_mm > reach_mm for site in sites) or snaps(resting(spec, channels, sites)):
-        return None
-    # Where it hangs a magnet's pull may turn round nearer to the axis than at the gap without sag.
-    if spec.force_order == 1 and force_constants(spec, channels, sites).min() <= 0:
         return None
     even = _with_even_pull(spec, layout, channels)
     held = even == layout or not snaps(resting(spec, channels, sites_of(spec, even, channels)))
@@ -407,30 +405,22 @@ def sites_of(spec: Spec, layout: Layout, channels: tuple[SizedChannel, ...]) -> 
 
 
 def _beams(spec: Spec, layout: Layout) -> tuple[SizedChannel, ...] | None:
-    """Return beams for the first ladder of resonances that can be printed; if optimised, for the most selective one.
-
-    The first one, the optimum for equal masses, is taken if it keeps what is asked.
-    """
+    """Return beams for the first ladder of resonances that can be printed; if optimised, for the most selective one."""
     bare = beam_inputs(spec)
-    if spec.spacing != "optimised":
-        return next(iter(_sized(bare, layout.channels, room(spec, layout), SUSPENSIONS.changes, 1)), None)
-    sizing = (replace(bare, drive=spec.drive), layout.channels, room(spec, layout), SUSPENSIONS.changes)
-    first = _sized(*sizing, 1)
-    if not first:
-        return None
-    if _selectivity_key(spec, layout, first[0])[0]:
-        return first[0]
-    return max(_sized(*sizing), key=lambda channels: _selectivity_key(spec, layout, channels))
+    if spec.spacing == "optimised":
+        bare = replace(bare, drive=spec.drive)
+    options = _sized(bare, layout.channels, room(spec, layout), SUSPENSIONS.changes)
+    if len(options) < 2:
+        return options[0] if options else None
+    return max(options, key=lambda channels: _selectivity_key(spec, layout, channels))
 
 
 @lru_cache(maxsize=256)
-def _sized(
-    spec: Spec, count: int, space: Room, changes: int, most: int | None = None
-) -> tuple[tuple[SizedChannel, ...], ...]:
-    """Return sets of beams for the printable ones of all ladders of resonances, or for the first `most` of these."""
+def _sized(spec: Spec, count: int, space: Room, changes: int) -> tuple[tuple[SizedChannel, ...], ...]:
+    """Return sets of beams: for the first printable ladder of resonances or, with optimised spacing, for all."""
     undriven = replace(spec, drive=DriveTable())
     sized = (channels for hz in ladders(spec, count, space) if (channels := _resonating(undriven, space, hz, changes)))
-    return tuple(islice(sized, most))
+    return tuple(sized if spec.spacing == "optimised" else islice(sized, 1))
 
 
 @lru_cache(maxsize=256)
