@@ -101,16 +101,15 @@ def temperatures(layers: WarmLayers, room_c: float) -> np.ndarray:
     half_m = float(layers.width_m.sum()), float(layers.depth_m.sum())
     length_m = half_m[0] * half_m[1] / sum(half_m)  # area over perimeter of the whole
     right, down = _conductances(layers)
-    sides = _side_lengths(layers)
+    top = partial(film_above, length_m=length_m, room_c=room_c)
+    side = partial(film_beside, height_m=float(layers.height_m.sum()), room_c=room_c)
+    sides = [_side_lengths(layers) * height for height in layers.height_m]
+    faces = [(1, area, top), (0, sides[0], side), (1, sides[1], side)]
     rise = np.zeros((2, *area.shape))
     last_step = np.zeros_like(rise)
     for _ in range(ROUNDS):
         out = np.zeros_like(rise)
         heat = np.zeros_like(rise)
-        faces = [(1, area, partial(film_above, length_m=length_m, room_c=room_c))]
-        for layer, height in enumerate(layers.height_m):
-            side = partial(film_beside, height_m=float(layers.height_m.sum()), room_c=room_c)
-            faces.append((layer, sides * height, side))
         for layer, face_m2, film in faces:
             # A warmer face gives off more than in proportion: the excess is in both, and cancels once all is settled.
             mean_k = float((rise[layer] * face_m2).sum() / face_m2.sum())

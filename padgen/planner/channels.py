@@ -3,7 +3,7 @@
 The modes are `TaxelModes`, whether from the beam model or from finite elements.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from math import log, sqrt
@@ -55,6 +55,7 @@ __all__ = [
     "site_pulls",
     "site_wrenches",
     "taxel_modes",
+    "unpulled",
     "wanted_line_a2",
     "with_auto_scheme",
     "working_mode_ratios",
@@ -321,6 +322,11 @@ def force_constants(spec: Spec, sized: Sequence[SizedChannel], sites: Sequence[S
     pulled = site_pulls(spec, sites, hanging_um if rest is None else finite_rest(rest, hanging_um)[0])
     share = working_mode_ratios([taxel_modes(s.model) for s in sized], site_wrenches(spec, pulled, sites))
     return np.asarray(pulled.pull * share)
+
+
+def unpulled(channels: Iterable[Channel]) -> int:
+    """Return how many of the channels have a mover that the coil does not pull, as it lies too far off its axis."""
+    return sum(channel.force_constant_n_per_a2 <= 0 for channel in channels)
 
 
 def site_pulls(spec: Spec, sites: Sequence[Site], gap_um: np.ndarray) -> PullAt:

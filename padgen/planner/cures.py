@@ -158,7 +158,7 @@ def refusal(spec: Spec, planned: Callable[[Cure], Any]) -> InfeasibleError:
     It names cures that work: `planned` makes the plan of the original spec with a cure, and that must have no error.
     """
     limit = channel_limit(spec)
-    if snapped := snapping(spec, sorted(roomy_layouts(spec, limit), key=lambda layout: -layout.margin_mm)):
+    if snapped := snapping(spec):
         sentence, cures = snapped
         return InfeasibleError(sentence, "coil.gap_mm", list(_holding(cures, planned)))
     tried: list[Cure] = []

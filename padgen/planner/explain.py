@@ -14,12 +14,12 @@ from padgen.core.units import decibel
 from padgen.physics.ladder import LevelLaw
 from padgen.physics.schemes import in_order
 from padgen.physics.selectivity import Scheme
-from padgen.planner.channels import plan_channels
+from padgen.planner.channels import plan_channels, unpulled
 from padgen.planner.cures import Cure, varied
 from padgen.planner.drive_scheme import plan_selectivity
 from padgen.planner.layout import SLACK_MM, binding_limit_text, candidates, roomy_layouts
 from padgen.planner.make import make_plan
-from padgen.planner.plan import Channel, Plan, Selectivity, level_law, scheme_named
+from padgen.planner.plan import Plan, Selectivity, level_law, scheme_named
 from padgen.planner.printed_pads import STAGES, design_of, detuning_sigmas, simulated_prints, spreads_of
 from padgen.planner.search import (
     channel_limit,
@@ -336,12 +336,7 @@ def _figures(spec: Spec, grid: tuple[int, int], count: int, optimise: bool = Fal
     except (SpecError, StopIteration):
         return None
     channels = plan_channels(other, beams, sites_of(other, layout, beams))
-    return None if _unpulled(channels) else plan_selectivity(other, channels)
-
-
-def _unpulled(channels: Iterable[Channel]) -> int:
-    """Return how many of the channels have a mover that the coil does not pull, as it lies too far off its axis."""
-    return sum(channel.force_constant_n_per_a2 <= 0 for channel in channels)
+    return None if unpulled(channels) else plan_selectivity(other, channels)
 
 
 def _with_grid(spec: Spec, grid: tuple[int, int], count: int, optimise: bool) -> Spec:
@@ -426,7 +421,7 @@ def _limits(plan: Plan, held: int, drive: str) -> Iterator[str]:
         sized = next(sized_layouts(other, options), None)
         if sized is None:
             yield f"printable beams: no set of beams in the sub-cells reaches {more} resonances in {band}"
-        elif lost := _unpulled(plan_channels(other, sized[1], sites_of(other, *sized))):
+        elif lost := unpulled(plan_channels(other, sized[1], sites_of(other, *sized))):
             yield (
                 f"pull: of {more} {spec.mover.kind}s over a coil {lost} would lie so far off its axis that the coil"
                 " does not pull them"

@@ -20,7 +20,7 @@ from padgen.core.registry import SUSPENSIONS
 from padgen.core.units import MM, UM, decibel
 from padgen.physics.selectivity import SQUARE, Scheme
 from padgen.planner.board_layout import board_of
-from padgen.planner.channels import driven, force_constants, plan_channels, resting
+from padgen.planner.channels import driven, force_constants, plan_channels, resting, unpulled
 from padgen.planner.core_pull import snaps
 from padgen.planner.cures import Cure, named_breakdown, refusal, varied, with_tried_cures
 from padgen.planner.drive_scheme import (
@@ -303,7 +303,7 @@ def _searched(spec: Spec, quick: bool = False, most: int | None = None) -> Choic
     pulls = force_constants(spec, channels, sites)
     far = int(pulls.argmin())
     if pulls[far] <= 0:  # as on a grid with too few coils
-        if snapping(spec, sorted(roomy_layouts(spec, channel_limit(spec)), key=lambda layout: -layout.margin_mm)):
+        if snapping(spec):
             return None  # the core is why nearer movers are no candidates
         distance_mm = sites[far].coil_distance_mm
         reach_mm = coil_reach_mm(spec)
@@ -441,31 +441,38 @@ def _lasting(works: Choice, later: Iterator[_Unsized], for_cure: bool = False) -
 def _with_best_coils(widest: Choice) -> Choice:
     """Return a choice with the best of its coils, the `widest` ones, and narrower ones.
 
-    These are, of coils with which prints work as often as asked, of these with which they do for life, those whose heat
-    is least at the planned levels. Beams are sized anew: movers come to lie nearer to narrow coils.
+    Beams are sized anew: movers come to lie nearer to narrow coils.
     """
-    best = widest
-    best_key = _coil_key(widest)
-    for spec in with_narrower_coils(widest.spec):
-        alike = (o for o in roomy_layouts(spec, widest.layout.channels) if _grid(o) == _grid(widest.layout))
-        sized = next(sized_layouts(spec, alike), None)
-        if sized is None:
-            continue
-        narrower = Choice(spec, *sized)
-        key = _coil_key(narrower)
-        if key > best_key:
-            best = narrower
-            best_key = key
-    return best
+    narrower = (_on_the_same_grid(spec, widest.layout) for spec in with_narrower_coils(widest.spec))
+    return max([widest, *filter(None, narrower)], key=_coil_key)
 
 
-def _coil_key(choice: Choice) -> tuple[bool, bool, float]:
-    """Return a sort key of choices that differ in their coils: the last is best."""
-    share = choice.spec.print_share
-    judged_by = _Round({}, for_cure=False, overloaded=True)
-    works = _tried(choice, decibel(choice.spec.delta_y), share, judged_by).share >= share
-    bare = _assemble(choice, *_channels_and_selectivity(choice))
-    return works, works and keeps_for_life(bare), -bare.load.copper_loss_w
+def _coil_key(choice: Choice) -> tuple[bool, bool, bool, float]:
+    """Return a sort key of choices that differ in their coils; the best has the largest.
+
+    First come coils whose prints work for life as often as asked, then those whose prints work re-tuned, then those
+    whose prints do beyond the coils' limits; of these the coils whose heat is least.
+    """
+    spec = choice.spec
+    asked = spec.print_share
+    today = _Round({}, for_cure=False, overloaded=False)
+
+    def works(judged_by: _Round) -> bool:
+        return _tried(choice, decibel(spec.delta_y), asked, judged_by).share >= asked
+
+    lasts = works(today._replace(for_life=True))
+    works_today = lasts or works(today)
+    works_overloaded = works_today or works(today._replace(overloaded=True))
+    channels, selectivity = _channels_and_selectivity(choice)
+    load = coil_load(spec, channels, scheme_named(spec, selectivity.drive))
+    return lasts, works_today, works_overloaded, -load.copper_loss_w
+
+
+def _on_the_same_grid(spec: Spec, layout: Layout) -> Choice | None:
+    """Return the first choice for another `spec` with the grid and channels of `layout`; None if none works."""
+    options = (option for option in roomy_layouts(spec, layout.channels) if _grid(option) == _grid(layout))
+    sized = next(sized_layouts(spec, options), None)
+    return Choice(spec, *sized) if sized else None
 
 
 def _is_too_hot(bare: Plan) -> bool:
@@ -572,8 +579,8 @@ def _with_bent_beams(tried: Sequence[tuple[Choice, ChoiceFigures]]) -> Iterator[
     for (spec, layout, *_), kind in product(near, SUSPENSIONS.families()):
         if spec.leaves_layout_free and spec.suspension.topology == "auto":
             bent = replace(spec, suspension=replace(spec.suspension, topology=kind))
-            options = [o for o in roomy_layouts(bent, layout.channels) if _grid(o) == _grid(layout)]
-            yield from (Choice(bent, *sized) for sized in islice(sized_layouts(bent, options), 1))
+            if choice := _on_the_same_grid(bent, layout):
+                yield choice
 
 
 def _tried(choice: Choice, least_db: float, least_share: float, judged_by: _Round) -> ChoiceFigures:
@@ -597,8 +604,7 @@ def _tried(choice: Choice, least_db: float, least_share: float, judged_by: _Roun
     _, channels, chosen = known[id(choice)]
     meets = any(c.level_um + c.sag_um + c.static_um >= spec.coil.gap_mm * MM / UM for c in channels)
     load = coil_load(spec, channels, scheme_named(spec, chosen.drive))
-    is_unpulled = any(c.force_constant_n_per_a2 <= 0 for c in channels)  # as a magnet beyond its coil's reach
-    if meets or is_unpulled or not is_fed(spec, load):
+    if meets or unpulled(channels) or not is_fed(spec, load):
         return ChoiceFigures(-inf)
     if not judged_by.overloaded and any(exceeded(spec, coil_demand(load, choice.layout.coils))):
         return ChoiceFigures(-inf)

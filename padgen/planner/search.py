@@ -42,6 +42,7 @@ from padgen.planner.layout import (
     Layout,
     coil_reach_mm,
     room,
+    roomy_layouts,
     sub_cell_centres,
     taxel_site,
     with_fitting_coil,
@@ -362,12 +363,13 @@ MOST_SNAPPING = 4
 """Layouts at which is looked whether their movers snap to the coils' cores, after none was found."""
 
 
-def snapping(spec: Spec, options: Iterable[Layout]) -> tuple[str, list[dict[str, Any]]] | None:
+def snapping(spec: Spec) -> tuple[str, list[dict[str, Any]]] | None:
     """Return why movers snap to the coils' cores, and cures, for the first layout where they do; None if none do.
 
-    At most `MOST_SNAPPING` layouts are tried.
+    The `MOST_SNAPPING` layouts with most room are tried.
     """
-    for layout in islice(options, MOST_SNAPPING):
+    roomiest = sorted(roomy_layouts(spec, channel_limit(spec)), key=lambda layout: -layout.margin_mm)
+    for layout in roomiest[:MOST_SNAPPING]:
         fitted = with_fitting_coil(spec, layout)
         channels = _beams(fitted, layout)
         if not channels:

@@ -389,7 +389,8 @@ class MoverTable:
 class Coil:
     """A coil on an optional core, with its top `gap_mm` below the washers of a pad that does not sag.
 
-    `gap_mm` and `reuse` may be left to the search (None, 'auto'); the spec in a plan has the values found.
+    `gap_mm`, `reuse` and a board coil's diameter may be left to the search (None, 'auto', `sizing` 'auto'); the spec in
+    a plan has the values found.
     """
 
     name: str = entry_name(doc="name in the catalogue")
@@ -430,8 +431,8 @@ class Coil:
     sizing: str = choice(
         "given",
         of=("given", "auto"),
-        doc="auto: the search finds the outer diameter of a board coil for which its cell has room and that takes the"
-        " least power, which is the default where none is given",
+        doc="auto: the search finds the outer diameter of a board coil, of those that its cell has room for; so it does"
+        " where no diameter is given",
     )
     layers: int | None = quantity(None, unit="layers", low=2, high=16, doc="copper layers of a board coil")
     track_mm: float | None = quantity(None, unit="mm", low=0.02, high=10, doc="width of a board coil's tracks")

@@ -60,6 +60,18 @@ def test_a_wider_coil_is_left_for_one_that_leaks_less():
     assert "print.share" in kinds(widest)
 
 
+def test_coils_that_burn_are_left_for_ones_that_do_not():
+    # Prints of this pad work with the widest coils, but these take 2.5 W and bear 0.2 W.
+    table = {
+        **OPEN,
+        "resolution": 4,
+        "coil": {"kind": "board", "grid": [2, 1], "gap_mm": 2},
+        "pad": {"width_mm": 80, "depth_mm": 80},
+        "drive": {"level_um": 60},
+    }
+    assert "coil.heat" not in kinds(make_plan(make_spec(table), tries_cures=False))
+
+
 @pytest.mark.parametrize("case", range(6))
 def test_boards_of_the_widest_coils_have_room_for_tracks_and_screws(case):
     drawn = random.Random(case)

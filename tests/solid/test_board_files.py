@@ -219,7 +219,7 @@ def save(folder, name, board, house):
     return path
 
 
-def random_plan(plan, rng, is_widest=False):
+def random_plan(plan, rng, is_widest):
     """Return a plan of random board coils, or the widest, on a random grid; only what the board is made of."""
     house = catalogue("board_house")[rng.choice(list(catalogue("board_house")))]
     rows, columns = int(rng.integers(1, 6)), int(rng.integers(1, 7))

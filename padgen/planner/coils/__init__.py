@@ -1,7 +1,17 @@
 """Kinds of coil, one file each, named by the file; `register` adds others.
 
 A kind follows `CoilKind`: from the `[coil]` table of a spec it makes the `CoilSource` of the physics, coaxial windings
-round an optional core. Everything else about a coil is the same for every kind.
+round an optional core. Everything else about a coil is the same for every kind, but for what a kind may have besides
+(`padgen.planner.coils.board` has all of it):
+
+| function | what for |
+|---|---|
+| `completed(given)` | the coil of the fields of a `[coil]` table, with those that follow from others |
+| `given_fields(coil)` | the fields of which `completed` makes this coil, for cures that change one of them |
+| `beside_mm(coil, rows)` | the gaps in mm that coils need between them, along x and along y |
+| `widest_mm(coil, pad, rows, columns)` | the largest diameter in mm for which the pad has room |
+| `narrowest_mm(coil)` | the least diameter in mm of such a coil |
+| `resized(coil, outer_diameter_mm)` | the same coil with another diameter: of kinds with this the search finds it |
 """
 
 from typing import Protocol

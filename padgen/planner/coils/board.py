@@ -10,8 +10,8 @@
               |bore|            with a via for each pair of layers
 
 A spec gives sizes and the rules of a house, or nothing but ``kind = "board"``; turns, resistance, inductance and the
-heat that it bears are worked out (`padgen.physics.board_coil`). Where it gives no outer diameter, each layout has coils
-of the size that takes the least power of those for which its cells have room.
+heat that it bears are worked out (`padgen.physics.board_coil`). Where it gives no outer diameter, the search tries the
+widest coils that a layout's cells have room for, and then narrower ones.
 """
 
 from dataclasses import asdict
