@@ -48,7 +48,7 @@ __all__ = [
     "taxel_site",
     "to_cell",
     "with_fitting_coil",
-    "with_narrower_coils",
+    "with_other_coils",
 ]
 
 
@@ -325,13 +325,14 @@ def with_fitting_coil(spec: Spec, layout: Layout) -> Spec:
     return replace(spec, coil=kind.resized(spec.coil, max(_stepped_mm(widest_mm), _least_coil_mm(spec.coil))))
 
 
-def with_narrower_coils(spec: Spec) -> Iterator[Spec]:
-    """Yield `spec` with narrower coils."""
+def with_other_coils(spec: Spec, layout: Layout) -> Iterator[Spec]:
+    """Yield `spec` with other coils for which the cells of `layout` have room, from the widest down."""
     kind = COILS.get(spec.coil.kind, "coil.kind")
-    for k in range(1, MOST_NARROWER + 1):
-        narrower_mm = _stepped_mm(spec.coil.outer_diameter_mm * NARROWER**k)
-        if narrower_mm >= kind.narrowest_mm(spec.coil):
-            yield replace(spec, coil=kind.resized(spec.coil, narrower_mm))
+    widest_mm = kind.widest_mm(spec.coil, spec.pad, layout.rows, layout.columns)
+    for k in range(MOST_NARROWER + 1):
+        diameter_mm = _stepped_mm(widest_mm * NARROWER**k)
+        if diameter_mm >= kind.narrowest_mm(spec.coil) and diameter_mm != spec.coil.outer_diameter_mm:
+            yield replace(spec, coil=kind.resized(spec.coil, diameter_mm))
 
 
 NARROWER = 0.93

@@ -46,7 +46,7 @@ from padgen.planner.layout import (
     room,
     roomy_layouts,
     with_fitting_coil,
-    with_narrower_coils,
+    with_other_coils,
 )
 from padgen.planner.left_out import left_out, unbounded_and_included
 from padgen.planner.life import keeps_for_life, planned_life
@@ -163,9 +163,12 @@ class _Unsized(NamedTuple):
     size: Callable[[], SizedLayout | None]
 
     @classmethod
-    def with_coil(cls, spec: Spec, layout: Layout, size: Callable[[], SizedLayout | None]) -> "_Unsized":
-        """Return a candidate with the coil that its layout has."""
-        return cls(with_fitting_coil(spec, layout), layout, size)
+    def with_decided(
+        cls, decided: Spec, sized: Spec, layout: Layout, size: Callable[[], SizedLayout | None]
+    ) -> "_Unsized":
+        """Return a candidate for the `decided` spec with the coil of the `sized` one, whose drive or gap may differ."""
+        coil = replace(sized.coil, reuse=decided.coil.reuse, gap_mm=decided.coil.gap_mm)
+        return cls(replace(decided, coil=coil), layout, size)
 
     @classmethod
     def of(cls, choice: Choice) -> "_Unsized":
@@ -275,7 +278,7 @@ def _searched(spec: Spec, quick: bool = False, most: int | None = None) -> Choic
             options = roomy_layouts(decided, channel_limit(decided))
             known[key] = layouts_to_size(decided, options, None if spec.leaves_layout_free else 1)
         known[key], unsized = tee(known[key])
-        ranked.append(starmap(partial(_Unsized.with_coil, decided), unsized))
+        ranked.append(starmap(partial(_Unsized.with_decided, decided), unsized))
     if quick:
         return next((choice for one in chain(*ranked) if (choice := one.choice())), None)
     # Layouts are sized when it is their turn: those after the first one whose prints work never are.
@@ -438,13 +441,13 @@ def _lasting(works: Choice, later: Iterator[_Unsized], for_cure: bool = False) -
     return sound or works
 
 
-def _with_best_coils(widest: Choice) -> Choice:
-    """Return a choice with the best of its coils, the `widest` ones, and narrower ones.
+def _with_best_coils(first: Choice) -> Choice:
+    """Return a choice with the best of its coils, those of `first`, wider and narrower ones.
 
     Beams are sized anew: movers come to lie nearer to narrow coils.
     """
-    narrower = (_on_the_same_grid(spec, widest.layout) for spec in with_narrower_coils(widest.spec))
-    return max([widest, *filter(None, narrower)], key=_coil_key)
+    others = (_on_the_same_grid(spec, first.layout) for spec in with_other_coils(first.spec, first.layout))
+    return max([first, *filter(None, others)], key=_coil_key)
 
 
 def _coil_key(choice: Choice) -> tuple[bool, bool, bool, float]:
@@ -504,12 +507,12 @@ def _first_that_works(
     Pads that were judged for an automatic drive are not judged again for that drive by its name, nor hopeless ones
     (`NO_HOPE_DB`, `MOST_FAR_SHORT`).
     """
-    hopeless: dict[tuple[str, str, Layout], ChoiceFigures] = {}
+    hopeless: dict[tuple[Any, ...], ChoiceFigures] = {}
     judged_pads = set[tuple[Any, ...]]()
     far_short = Counter[tuple[Any, ...]]()
     for choice in chain(rank, _with_bent_beams(tried)):  # those with bent beams once all of `rank` are in `tried`
         asked = decibel(choice.spec.delta_y)
-        key = _drive_and_layout(choice)
+        key = *_drive_and_layout(choice), choice.spec.coil.outer_diameter_mm
         kind = (len(choice.channels), choice.spec.suspension.topology, *key[:2])
         if _pad_of(choice, choice.spec.drive.scheme) in judged_pads or far_short[kind] >= MOST_FAR_SHORT:
             continue
@@ -567,7 +570,8 @@ def _least_short(tried: list[tuple[Choice, ChoiceFigures]], judged_by: _Round) -
 def _pad_of(choice: Choice, drive: str) -> tuple[Any, ...]:
     """Return a key of the pad that `choice` makes with `drive`, so that no pad is judged twice."""
     coil = choice.spec.coil
-    return choice.layout, choice.channels, choice.spec.suspension.topology, coil.reuse, coil.gap_mm, drive
+    bends = choice.spec.suspension.topology
+    return choice.layout, choice.channels, bends, coil.reuse, coil.gap_mm, coil.outer_diameter_mm, drive
 
 
 def _with_bent_beams(tried: Sequence[tuple[Choice, ChoiceFigures]]) -> Iterator[Choice]:

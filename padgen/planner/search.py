@@ -46,6 +46,7 @@ from padgen.planner.layout import (
     sub_cell_centres,
     taxel_site,
     with_fitting_coil,
+    with_other_coils,
 )
 from padgen.planner.plan import Capacity, Site, level_law, scheme_named
 from padgen.planner.sizing import DRAWN_SHARE, SizedChannel, beam_inputs, beams_for_resonances, reach
@@ -305,15 +306,18 @@ took one of the first five (docs/accuracy.md)."""
 
 SizedLayout = tuple[Layout, tuple[SizedChannel, ...]]
 """A layout with its sized beams."""
-UnsizedLayout = tuple[Layout, Callable[[], SizedLayout | None]]
-"""A layout, and the call that sizes its beams."""
+UnsizedLayout = tuple[Spec, Layout, Callable[[], SizedLayout | None]]
+"""A spec with the coil that it has with a layout, the layout, and the call that sizes its beams."""
+COILS_SIZED = 2
+"""Diameters of coils left open with which each layout is tried: the widest almost touch, and leak so much into the
+cells beside theirs that some pads would need twice as many of them as of narrower ones (docs/boards.md)."""
 
 
 def layouts_to_size(spec: Spec, options: Iterable[Layout], most: int | None = None) -> Iterator[UnsizedLayout]:
     """Yield layouts in their order, each with a function that sizes its beams, until `most` work or many were tried.
 
     The call returns None for a layout that does not work. Of each grid and count of channels only the first division of
-    the cell that works is taken.
+    the cell that works is taken. Layouts for coils whose size is left open come with `COILS_SIZED` of them.
     """
     is_usual = set(allowed(spec.suspension.topology)) & set(allowed("auto"))
     most_tried = LAYOUTS_SIZED if is_usual else RARE_LAYOUTS_SIZED
@@ -329,15 +333,18 @@ def layouts_to_size(spec: Spec, options: Iterable[Layout], most: int | None = No
             break
         tried = tried + 1
         channels_tried = channels_tried + layout.channels
-        size = cache(partial(_with_sized_beams, with_fitting_coil(spec, layout), layout))
-        yield layout, size
-        if size() is not None:
-            seen.add(key)
+        fitted = with_fitting_coil(spec, layout)
+        others = with_other_coils(fitted, layout) if spec.coil.sizing == "auto" else iter(())
+        for one in [fitted, *islice(others, COILS_SIZED - 1)]:
+            size = cache(partial(_with_sized_beams, one, layout))
+            yield one, layout, size
+            if size() is not None:
+                seen.add(key)
 
 
 def sized_layouts(spec: Spec, options: Iterable[Layout]) -> Iterator[SizedLayout]:
     """Yield, in their order, those layouts of `options` for which suitable beams are found, with these beams."""
-    for _, size in layouts_to_size(spec, options):
+    for _, _, size in layouts_to_size(spec, options):
         if (sized := size()) is not None:
             yield sized
 

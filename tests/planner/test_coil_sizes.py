@@ -72,6 +72,16 @@ def test_coils_that_burn_are_left_for_ones_that_do_not():
     assert "coil.heat" not in kinds(make_plan(make_spec(table), tries_cures=False))
 
 
+def test_pads_that_work_with_narrower_coils_need_no_more_coils():
+    # With the widest for which 4 x 4 cells have room, 10.4 mm, no print works.
+    table = {**OPEN, "resolution": 32}
+    given = {"kind": "board", "grid": [4, 4], "reuse": "alternate", "gap_mm": 1, "outer_diameter_mm": 9.6}
+    assert "print.share" not in kinds(make_plan(make_spec({**table, "coil": given}), tries_cures=False))
+    plan = make_plan(make_spec(table), tries_cures=False)
+    assert "print.share" not in kinds(plan)
+    assert plan.coils.rows * plan.coils.columns <= 16
+
+
 @pytest.mark.parametrize("case", range(6))
 def test_boards_of_the_widest_coils_have_room_for_tracks_and_screws(case):
     drawn = random.Random(case)

@@ -265,6 +265,8 @@ def test_the_page_shows_what_figures_say(toys, opened, small_plan):
     assert page.locator("#toydiscs-body text").all_text_contents() == ["▲ a corner", "1", "2"]
     assert page.get_attribute("#toydiscs-body polygon", "points") == "-20,10 30,10 30,-15"
     assert page.locator("#toymatrix-body td").all_text_contents() == ["", "on", "12.5", "3.0", "on", "2 g", "8 g"]
+    framed = "cells => cells.filter((c) => getComputedStyle(c).outlineStyle === 'solid').map((c) => c.textContent)"
+    assert page.eval_on_selector_all("#toymatrix-body td", framed) == ["3.0"]
     for kind in ("bars", "stems", "points"):
         assert drawn(kind, "line.across", ["x1"]) == [pytest.approx([px(9, MASS, 52, wide - 14)], abs=0.01)]
     # A curve is pixels: its colour is where the figure says, in the middle of the axes.

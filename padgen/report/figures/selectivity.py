@@ -51,12 +51,12 @@ def make(plan: "Plan", quick: bool) -> tuple[Figure, ...]:
                 title="one channel per coil: there is no other tone to hear" if count < 2 and not which else "",
             )
         )
-    notes = [f"Asked are {asked_db:.1f} dB."]
+    notes = [f"Asked are {asked_db:.1f} dB; less is framed."]
     states_db = (selectivity.all_states_db, selectivity.placed_all_states_db)
     if selectivity.one_hot_db is not None and None not in states_db:
         worst_db = min(db for db in states_db if db is not None)
         notes.append(
-            f"With one channel on a coil keeps {selectivity.one_hot_db:.1f} dB, in its worst state"
+            f"With one channel on, a coil keeps {selectivity.one_hot_db:.1f} dB, in its worst state"
             f" ({selectivity.worst_state[:LONGEST_STATE]}) {worst_db:.1f} dB, as drawn.".replace("-", "−")
         )
     no_table = (

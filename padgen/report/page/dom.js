@@ -64,7 +64,7 @@ export const fixed = (value, digits) =>
 
 // Colour scales that colour-blind readers can tell apart: points of viridis without its palest end, and of cividis.
 const VIRIDIS = ["#440154", "#472d7b", "#3b528b", "#2c728e", "#21918c", "#28ae80", "#5ec962", "#addc30"];
-const HEAT = ["#0b2a5b", "#2f4b7c", "#665191", "#a05195", "#d45087", "#f95d6a", "#ff7c43", "#ffa600"];
+const HEAT = ["#00224e", "#213b6e", "#4c556c", "#6c6e72", "#8e8978", "#b1a570", "#d9c55c", "#fee838"];
 
 export function scaled(share, from = VIRIDIS) {
   const at = Math.min(Math.max(share, 0), 1) * (from.length - 1);

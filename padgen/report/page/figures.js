@@ -115,7 +115,7 @@ function discs(panel, figure) {
   return [s("svg", { viewBox: `${x0 - 2 * size} ${-y1 - 2 * size} ${x1 - x0 + 4 * size} ${y1 - y0 + 7 * size}`, class: "map", role: "img", "aria-label": figure.description }, shapes, marks)];
 }
 
-/** A table of values, the brighter the larger; its diagonal is what is on. */
+/** A table of values, the brighter the larger, framed where less than asked; its diagonal is what is on. */
 function matrix(panel) {
   const [table] = panel.marks;
   const head = h("tr", {}, h("td"), table.names.map((name) => h("th", { scope: "col" }, named(panel.x, name))));
@@ -127,7 +127,7 @@ function matrix(panel) {
       row.map((value, j) => {
         if (i === j) return h("td", { class: "own" }, "on");
         const colour = heat((value - table.z.low) / (table.z.high - table.z.low));
-        return h("td", { paint: { background: colour, color: inkOn(colour) } }, fixed(value, 1));
+        return h("td", { class: value < table.asked ? "short" : null, paint: { background: colour, color: inkOn(colour) } }, fixed(value, 1));
       }),
     ),
   );
