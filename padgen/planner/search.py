@@ -447,7 +447,8 @@ def _selectivity_key(spec: Spec, layout: Layout, sized: tuple[SizedChannel, ...]
     return keeps, -simplest_first(spec.force_order).index(chosen.drive) if keeps else 0, chosen.kept_db
 
 
-WIDEST_HZ = 1e5
+WIDEST_HZ = 1e3
+"""The highest end of a wider band that is proposed: what is faster skin hardly feels."""
 LARGEST_WITH_SPURS = 32
 """Largest count of channels that is tried with a drive that makes spurs: the spurs of n channels take n³ numbers."""
 LARGEST = 4096

@@ -240,6 +240,15 @@ def test_a_band_narrower_than_a_slot_is_refused():
         plan_of(4, 50, 60)
 
 
+def test_no_wider_band_is_proposed_than_skin_feels():
+    # At Q = 5 a slot of 26 dB is a band of 1 : 799, up to 64 kHz from 80 Hz on.
+    table = {"name": "x", "resolution": 4, "band_hz": [80, 320], "q_min": 5, "delta_y": 19.95}
+    with pytest.raises(SpecError, match=r"band_hz: holds no channel.*; delta_y = 4\.5\d* would do$") as caught:
+        make_plan(make_spec(table))
+    (cure,) = caught.value.cures
+    assert make_plan(make_spec({**table, **cure}), tries_cures=False).channels
+
+
 def test_a_band_narrower_than_a_drawn_beam_is_refused():
     with pytest.raises(
         SpecError, match=r"band_hz: is narrower than beams can be drawn, to 0\.2%.*; band_hz = \[100, 100\.3\]"
