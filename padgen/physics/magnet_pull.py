@@ -209,16 +209,46 @@ def _spectrum(
     coil: CoilSource, magnet: DiscMagnet, gap: float, offset: float, steel: SteelRing | None = None
 ) -> _Spectrum:
     """Return a spectrum valid for all gaps ≥ `gap` and offsets ≤ `offset` in m; similar calls share a cached one."""
+    return _kept_spectrum(coil, magnet, *_shared_range(magnet, gap, offset), steel)
+
+
+def _core_at(coil: CoilSource, magnet: DiscMagnet, gap: float, offset: float) -> tuple[np.ndarray, _Core] | None:
+    """Return the wave numbers and the core of `_spectrum`, alone a third of the work; None of a coil without one."""
+    shared = _shared_range(magnet, gap, offset)
+    core = _kept_core(coil, magnet, *shared, None, 1.0)
+    return core and (_magnet_waves(coil, magnet, *shared, None)[0], core)
+
+
+def _shared_range(magnet: DiscMagnet, gap: float, offset: float) -> tuple[float, float]:
+    """Return a gap of steps from `LEAST_GAP` on, at most `gap`, and a reach of such steps, at least `offset`, in m."""
     low = LEAST_GAP * STEPS ** int(log(gap / LEAST_GAP) / log(STEPS))
     finest = magnet.outer_diameter / 16
-    reach = finest * STEPS ** ceil(log(max(offset, finest) / finest) / log(STEPS))
-    return _kept_spectrum(coil, magnet, low, reach, steel)
+    return low, finest * STEPS ** ceil(log(max(offset, finest) / finest) / log(STEPS))
 
 
 @lru_cache(maxsize=64)
 def _kept_spectrum(
     coil: CoilSource, magnet: DiscMagnet, gap: float, reach: float, steel: SteelRing | None
 ) -> _Spectrum:
+    k, faces, turned = _magnet_waves(coil, magnet, gap, reach, steel)
+    wound = sum((_wound(winding, k) for winding in coil.windings), np.zeros_like(k))
+    nodes = [_core_nodes(coil, magnet, gap, reach, share) for share in (1.0, FEWER)]
+    charged = [core for core in (charged_core(coil, *counts) for counts in nodes) if core is not None]
+    if not charged:
+        return _Spectrum(k, faces, turned, wound, 0 * k, ())
+    step = max(0.8 * gap, coil.outer_diameter / MOST_RINGS)
+    drawn, fewer = (_core_wave(body, charge, step, k) for body, charge in charged)
+    doubt = np.abs(drawn - fewer) + CORE_SHARE * np.abs(drawn)
+    kept = (_kept_core(coil, magnet, gap, reach, steel, share) for share in (1.0, FEWER))
+    cores = tuple(core for core in kept if core is not None)
+    return _Spectrum(k, faces, turned, wound + drawn, doubt, cores)
+
+
+@lru_cache(maxsize=64)
+def _magnet_waves(
+    coil: CoilSource, magnet: DiscMagnet, gap: float, reach: float, steel: SteelRing | None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the wave numbers k (K,), and `faces` and `turned` (K,) of a `_Spectrum`."""
     wide = max(coil.outer_diameter, coil.core_diameter) / 2
     moved = max(magnet.outer_diameter, steel.outer_diameter if steel else 0.0) / 2
     k, weight = wave_points(DECAY / gap, reach + wide + moved)
@@ -226,27 +256,28 @@ def _kept_spectrum(
     flux = 2 * pi * magnet.polarisation * face_flux(magnet, k)
     across = 2 * pi * magnet.polarisation * sum(sign * a**2 * bessel(k * a, 2)[2] for a, sign in magnet.rims)
     turned = -(height * flux * np.exp(-height) + across * np.expm1(-height))
-    wound = sum((_wound(winding, k) for winding in coil.windings), np.zeros_like(k))
-    overlap = min(reach, coil.core_diameter / 2 + magnet.outer_diameter / 2)
-    top = ceil(6 + coil.core_diameter / 2 / gap)
-    orders = ceil(3 + 1.2 * overlap / (gap + 0.3e-3))
-    fine = min(top, MOST[0]), min(orders, MOST[1])
-    coarse = tuple(ceil(FEWER * count) for count in fine)
     faces = flux * np.expm1(-height)
     if steel:
         drawn, tilted = _ring_wave(steel_charges(magnet, steel), k)
         faces += drawn
         turned += tilted
-    faces *= weight
-    turned *= weight
-    charged = [core for core in (charged_core(coil, *fine), charged_core(coil, *coarse)) if core is not None]
-    if not charged:
-        return _Spectrum(k, faces, turned, wound, 0 * k, ())
-    step = max(0.8 * gap, coil.outer_diameter / MOST_RINGS)
-    drawn, fewer = (_core_wave(body, charge, step, k) for body, charge in charged)
-    doubt = np.abs(drawn - fewer) + CORE_SHARE * np.abs(drawn)
-    cores = tuple(_core(body, k, faces, turned) for body, _ in charged)
-    return _Spectrum(k, faces, turned, wound + drawn, doubt, cores)
+    return k, weight * faces, weight * turned
+
+
+def _core_nodes(coil: CoilSource, magnet: DiscMagnet, gap: float, reach: float, share: float) -> tuple[int, int]:
+    """Return a `share` of the nodes on the core's top face, and of the orders round its axis, that a magnet takes."""
+    overlap = min(reach, coil.core_diameter / 2 + magnet.outer_diameter / 2)
+    top = ceil(6 + coil.core_diameter / 2 / gap)
+    orders = ceil(3 + 1.2 * overlap / (gap + 0.3e-3))
+    return ceil(share * min(top, MOST[0])), ceil(share * min(orders, MOST[1]))
+
+
+@lru_cache(maxsize=128)
+def _kept_core(
+    coil: CoilSource, magnet: DiscMagnet, gap: float, reach: float, steel: SteelRing | None, share: float
+) -> _Core | None:
+    charged = charged_core(coil, *_core_nodes(coil, magnet, gap, reach, share))
+    return charged and _core(charged[0], *_magnet_waves(coil, magnet, gap, reach, steel))
 
 
 def _ring_wave(rings: np.ndarray, k: np.ndarray) -> np.ndarray:
@@ -317,15 +348,15 @@ def shared_core(
     offset = np.hypot(*places.T)
     around = np.arctan2(places[:, 1], places[:, 0])
     gap = np.maximum(gap, LEAST_GAP)
-    spectrum = _spectrum(coil, magnet, float(gap.min()), float(offset.max()))
     count = len(offset)
     pull = np.zeros(count)
     stiffness = np.zeros((count, count))
-    if not spectrum.cores:
+    there = _core_at(coil, magnet, float(gap.min()), float(offset.max()))
+    if there is None:
         return Coupling(pull, stiffness)
-    core = spectrum.cores[0]
-    fall = polarity[:, None] * np.exp(-gap[:, None] * spectrum.k)
-    waves = bessel(offset[:, None] * spectrum.k, len(core.echo) - 1)
+    k, core = there
+    fall = polarity[:, None] * np.exp(-gap[:, None] * k)
+    waves = bessel(offset[:, None] * k, len(core.echo) - 1)
     for m, (along, echo) in enumerate(zip(core.along, core.echo, strict=True)):
         at, moved, bent = np.moveaxis(np.tensordot(fall * waves[m], along, 1), 1, 0)
         turned = np.cos(m * np.subtract.outer(around, around))
@@ -412,13 +443,13 @@ def _core_pull_between(
 def _core_levels(coil: CoilSource, magnet: DiscMagnet, offsets: tuple[float, ...], block: int) -> np.ndarray:
     """Return the core's pull in N and its slope in N/m (2, LEVELS, n) at the gaps of one `block`, offsets (n,) in m."""
     gap = LEAST_GAP * np.exp((block * LEVELS + np.arange(LEVELS)) * LEVEL_STEP)
-    spectrum = _spectrum(coil, magnet, float(gap[0]), offsets[-1])
-    if not spectrum.cores:
+    there = _core_at(coil, magnet, float(gap[0]), offsets[-1])
+    if there is None:
         return np.zeros((2, LEVELS, len(offsets)))
-    core = spectrum.cores[0]
-    fall = np.exp(-gap[:, None, None] * spectrum.k)
-    around = bessel(np.array(offsets)[:, None] * spectrum.k, len(core.echo) - 1)
-    waves = (fall * around[:, None]).reshape(len(around), -1, len(spectrum.k))
+    k, core = there
+    fall = np.exp(-gap[:, None, None] * k)
+    around = bessel(np.array(offsets)[:, None] * k, len(core.echo) - 1)
+    waves = (fall * around[:, None]).reshape(len(around), -1, len(k))
     pull, stiffness, _ = _drawn(core, list(waves))
     return np.stack([pull, stiffness]).reshape(2, LEVELS, len(offsets))
 
