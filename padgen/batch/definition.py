@@ -10,7 +10,7 @@ import math
 import operator
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import Field, asdict, dataclass, field, fields, is_dataclass, replace
+from dataclasses import Field, dataclass, field, fields, is_dataclass, replace
 from itertools import chain, pairwise, product
 from math import ceil, floor, prod
 from pathlib import Path
@@ -23,7 +23,7 @@ from padgen.core.files import reason
 from padgen.core.registry import PAD_FORMATS, USUAL_FORMATS, names_in
 from padgen.spec import Spec, find_spec, make_spec
 from padgen.spec.fields import build, checked, choice, flag, folder_name, optional_type, quantity, text, unknown_name
-from padgen.spec.load import CATALOGUES, catalogue, laid_over, parse_toml, read_table, read_toml, without_none
+from padgen.spec.load import CATALOGUES, as_table, catalogue, laid_over, parse_toml, read_table, read_toml
 
 __all__ = [
     "METHODS",
@@ -305,7 +305,7 @@ def sweep_over(spec: Spec, axes: dict[str, Any], stage: str = "plan") -> Sweep:
         A field is unknown, or holds no list of values that it may take.
     """
     table = {"name": spec.name[:72], "base": spec.name, "stage": stage, "folders": stage in ("build", "study")}
-    return _sweep(table | {"axes": _plain_lists(axes)}, Path(), "sweep", without_none(asdict(spec)))
+    return _sweep(table | {"axes": _plain_lists(axes)}, Path(), "sweep", as_table(spec))
 
 
 def _plain_lists(axes: Any) -> Any:

@@ -140,7 +140,8 @@ def board_findings(plan: Plan) -> Iterator[Finding]:
     except InfeasibleError as error:
         turned = [plan.coils.columns, plan.coils.rows]
         message = f"it cannot be made: {error.where} {error.message}"
-        yield Finding("error", "board.room", "board", message, ({"coil.grid": turned},))
+        cures = ({"coil.outer_diameter_mm": None}, {"coil.grid": turned})
+        yield Finding("error", "board.room", "board", message, cures)
 
 
 def least_board_gap_mm(spec: Spec) -> float:

@@ -29,7 +29,7 @@ from padgen.planner.plan import Plan
 from padgen.planner.search import channel_limit, ladders, reachable_hz, sized_layouts, snapping
 from padgen.planner.verdict import with_verdict
 from padgen.spec import Spec, SuspensionTable, load_spec, make_spec
-from padgen.spec.load import CARRIED_HEADROOM, catalogue, laid_over, spread_of, still_searched, without_none
+from padgen.spec.load import CARRIED_HEADROOM, as_table, catalogue, laid_over, spread_of, still_searched, without_none
 
 __all__ = ["Cure", "named_breakdown", "refusal", "varied", "with_tried_cures"]
 
@@ -48,9 +48,7 @@ Cure = dict[str, Any]
 
 def varied(spec: Spec, cure: Cure) -> Spec:
     """Return the spec that results if `cure` is written into the file of `spec`; raises as `make_spec` does."""
-    table = without_none(asdict(spec))
-    if given_fields := getattr(COILS.get(spec.coil.kind, "coil.kind"), "given_fields", None):
-        table["coil"] = given_fields(spec.coil)
+    table = as_table(spec)
     if "printer" in cure and table["spread"] == catalogue("spread").get(spread_of(spec.printer)):
         del table["spread"]  # the file leaves it to the printer
     amplifier = spec.amplifier
@@ -289,7 +287,9 @@ def _cures(spec: Spec, limit: int) -> Iterator[Cure]:
     ]
     if not any(_best_layout(spec, limit, cure) for cure in (larger_pads[0], larger_pads[-1])):
         larger_pads = []  # what lies between is not worth its time
+    is_given_for_search = spec.coil.sizing == "given" and hasattr(COILS.get(spec.coil.kind, "coil.kind"), "resized")
     ways: list[list[Cure]] = [
+        [{"coil.outer_diameter_mm": None}] if is_given_for_search else [],
         [{"coil": e["name"]} for e in sorted(larger, key=diameter)],
         [{spec.mover_table_name: e["name"]} for e in sorted(smaller, key=diameter, reverse=True)],
         [{"printer": e["name"]} for e in finer if e["process"] == spec.printer.process],

@@ -78,6 +78,7 @@ from padgen.planner.printed_pads import NOT_PRINTED, SURELY, compared_prints, de
 from padgen.planner.printing import print_settings
 from padgen.planner.pushes import pushed_taxels
 from padgen.planner.search import (
+    COILS_SIZED,
     SizedLayout,
     UnsizedLayout,
     channel_limit,
@@ -247,6 +248,8 @@ def _planned_with(spec: Spec, choice: Choice | None, cure: Cure, quick: bool = T
         return finish(choice._replace(spec=varied(choice.spec, cure)), quick)
     cured_spec = decided_under_touch(varied(spec, cure), _touch_trial)
     most = min(MOST_FOR_CURE, max(MOST_TAXELS_FOR_CURE // cured_spec.resolution, 1))
+    if cured_spec.coil.sizing == "auto":
+        most *= COILS_SIZED  # each layout comes with as many coils
     searched = _searched(cured_spec, quick=choice is None, most=most)
     if searched is None:
         raise InfeasibleError("no layout has room for its taxels", "resolution")

@@ -55,6 +55,7 @@ __all__ = [
     "SEARCHED",
     "SHORTHANDS",
     "SPEC_RULES",
+    "as_table",
     "catalogue",
     "find_spec",
     "laid_over",
@@ -925,6 +926,14 @@ def _read(path: Path, most_bytes: int, what: str, where: str) -> bytes:
         return read_bounded(path, most_bytes, what)
     except FileError as error:
         raise FileError(error.message, where) from error
+
+
+def as_table(spec: Spec) -> dict[str, Any]:
+    """Return a spec as its file may give it: fields that follow from others, as those of a board coil, are left out."""
+    table = without_none(asdict(spec))
+    if given_fields := getattr(COILS.get(spec.coil.kind, "coil.kind"), "given_fields", None):
+        table["coil"] = given_fields(spec.coil)
+    return table
 
 
 def without_none(value: Any) -> Any:

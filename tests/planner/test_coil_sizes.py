@@ -12,13 +12,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from padgen.core.errors import PadgenError, SpecError
+from padgen.core.errors import InfeasibleError, PadgenError, SpecError
 from padgen.planner import make_plan
 from padgen.planner.board_layout import board_of
 from padgen.planner.coils.board import resized
 from padgen.planner.coils.board import widest_mm as widest_mm_of
 from padgen.planner.cures import varied
 from padgen.spec import load_spec, make_spec
+from padgen.spec.load import as_table, laid_over, without_none
 
 OPEN = {"name": "open", "band_hz": [80, 320], "q_min": 15, "magnet": "disc-3x1", "coil": {"kind": "board"}}
 WARNINGS = ("print.share", "print.life")
@@ -126,6 +127,36 @@ def test_a_cure_of_the_board_is_planned_with_the_figures_that_follow(sizing):
     for cure in ({"coil.house": "fine-0.1"}, {"coil.layers": 2}, {"coil.outer_diameter_mm": 8.0}):
         asked = {**table["coil"], **{name.removeprefix("coil."): value for name, value in cure.items()}}
         assert varied(make_spec(table), cure) == make_spec({**table, "coil": asked})
+
+
+@pytest.mark.parametrize("coil", [{"sizing": "auto", "outer_diameter_mm": 9}, {"sizing": "given"}])
+def test_a_diameter_and_how_it_is_found_may_not_disagree(coil):
+    table = {**OPEN, "resolution": 9}
+    with pytest.raises(SpecError) as caught:
+        make_spec({**table, "coil": {"kind": "board", **coil}})
+    assert caught.value.where == "coil.sizing"
+    assert len(caught.value.cures) == 2
+    for cure in caught.value.cures:
+        make_spec(without_none(laid_over({**table, "coil": {"kind": "board", **coil}}, cure)))
+
+
+@pytest.mark.parametrize("diameter_mm", [20, 70])
+def test_it_is_said_where_leaving_out_the_diameter_would_do(diameter_mm):
+    table = {**OPEN, "resolution": 36, "pad": {"width_mm": 64, "depth_mm": 64}}
+    spec = make_spec({**table, "coil": {"kind": "board", "outer_diameter_mm": diameter_mm}})
+    cure = {"coil.outer_diameter_mm": None}
+    try:
+        cures = next(f.cures for f in make_plan(spec).findings if f.code == "board.room")
+    except InfeasibleError as error:
+        cures = error.cures
+    assert cure in cures
+    assert varied(spec, cure) == make_spec(table)
+
+
+def test_a_spec_is_what_its_table_makes():
+    for table in (OPEN, {**OPEN, "coil": {"kind": "board", "outer_diameter_mm": 9}}):
+        spec = make_spec({**table, "resolution": 9})
+        assert make_spec(as_table(spec)) == spec
 
 
 def test_a_wound_coil_has_the_size_that_is_given():

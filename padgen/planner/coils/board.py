@@ -132,9 +132,9 @@ def given_fields(coil: Coil) -> dict[str, Any]:
     """Return the fields of a board coil that do not follow from others or from its house, as a spec may give them."""
     board = board_coil(coil)
     follow = _of_house(house_of(coil)) | {"inner_diameter_mm": _bore_mm(coil), "power_limit_w": heat_limit(board)}
-    worked_out = {*WORKED_OUT, *(key for key, value in follow.items() if getattr(coil, key) == value)}
+    worked_out = {*WORKED_OUT, "sizing", *(key for key, value in follow.items() if getattr(coil, key) == value)}
     if coil.sizing == "auto":
-        worked_out |= {"outer_diameter_mm", "sizing"}
+        worked_out.add("outer_diameter_mm")
     return {key: value for key, value in asdict(coil).items() if value is not None and key not in worked_out}
 
 
@@ -147,7 +147,7 @@ def resized(coil: Coil, outer_diameter_mm: float) -> Coil:
     SpecError
         There is no room for a turn on every layer.
     """
-    return completed(given_fields(coil) | {"outer_diameter_mm": outer_diameter_mm, "sizing": "given"})
+    return completed(given_fields(coil) | {"outer_diameter_mm": outer_diameter_mm})
 
 
 def _of_house(house: dict[str, Any]) -> dict[str, Any]:
@@ -177,8 +177,7 @@ def completed(given: dict[str, Any]) -> Coil:
     stated = {key: value for key, value in given.items() if key not in WORKED_OUT}
     coil: Coil = build(Coil, stated, "coil", {**DEFAULTS, **unknown, **air})
     house = house_of(coil)
-    sizing = "given" if "outer_diameter_mm" in given else "auto"
-    values = _of_house(house) | {"sizing": sizing} | stated
+    values = _of_house(house) | stated | {"sizing": _sizing(given)}
     coil = build(Coil, values, "coil", {**DEFAULTS, **unknown, **air})
     _refuse(coil, house)
     bore_mm = _bore_mm(coil)
@@ -209,6 +208,21 @@ def completed(given: dict[str, Any]) -> Coil:
     values.setdefault("power_limit_w", heat_limit(board))
     made: Coil = build(Coil, values, "coil", {**DEFAULTS, **air})
     return made
+
+
+def _sizing(given: dict[str, Any]) -> str:
+    """Return 'given' for a `[coil]` table with an outer diameter, else 'auto'; raise where it says the other."""
+    has_diameter = "outer_diameter_mm" in given
+    sizing = "given" if has_diameter else "auto"
+    if given.get("sizing", sizing) == sizing:
+        return sizing
+    if has_diameter:
+        sentence = "'auto' leaves the outer diameter to the search, but coil.outer_diameter_mm gives one"
+        cures: list[dict[str, Any]] = [{"coil.outer_diameter_mm": None}, {"coil.sizing": "given"}]
+    else:
+        sentence = "'given' takes coil.outer_diameter_mm, which is not given"
+        cures = [{"coil.sizing": "auto"}, {"coil.outer_diameter_mm": DEFAULTS["outer_diameter_mm"]}]
+    raise SpecError(sentence, "coil.sizing", cures)
 
 
 def _refuse(coil: Coil, house: dict[str, Any]) -> None:

@@ -15,8 +15,8 @@ __all__ = ["CAPTION", "ORDER", "SHOWN_IN", "TITLE", "make"]
 
 TITLE = "Wiring"
 CAPTION = (
-    "Coils and the amplifier outputs that feed them, seen from the touch side; the mark is the groove in the pad's and"
-    " the tray's edge."
+    "Coils and the amplifier outputs that feed them, seen from the touch side; the mark is the groove in the edge of"
+    " the pad and of what lies under it."
 )
 SHOWN_IN = ("draw", "page", "sheet")
 ORDER = 5
