@@ -55,6 +55,7 @@ from padgen.spec import Coil
 __all__ = [
     "MISSED_DB",
     "SETTLED_TAUS",
+    "STILL",
     "Heard",
     "Span",
     "circuit_filter",
@@ -78,6 +79,8 @@ STIFFEST = 40.0
 # Below a Q of a half there is no vibration; it is taken for critical damping.
 LEAST_Q = 0.5 * (1 + 1e-9)
 COURSE_PERIODS = 4.0
+# Share of its ON level below which a taxel stands still: half a step of 24 bit is 6e-8.
+STILL = 1e-9
 # Share of its last level at which a taxel counts as switched on.
 RISEN = 0.9
 # Share of the gap at which a washer counts as pulled onto the coil; there its pull grows no further.
@@ -193,7 +196,10 @@ class Heard:
 
     @property
     def selectivity_db(self) -> float | None:
-        """Ratio in dB of the smallest ON to the largest OFF level in all held states; None without ON or OFF taxels."""
+        """Ratio in dB of the smallest ON to the largest OFF level in all held states.
+
+        None without ON taxels, and where no OFF taxel moves, as where no coil plays that has one.
+        """
         return self._worst_db(self.level_um)
 
     @property
@@ -213,9 +219,9 @@ class Heard:
         relative = level_um / self.wanted_um
         quietest = float((relative[shares > 0] / shares[shares > 0]).min(initial=np.inf))
         loudest = float(relative[shares <= 0].max(initial=-1.0))
-        if np.isinf(quietest) or loudest < 0:
+        if np.isinf(quietest) or loudest <= STILL:
             return None
-        return float(20 * np.log10(quietest / loudest)) if loudest > 0 else float("inf")
+        return float(20 * np.log10(quietest / loudest))
 
 
 def hear(

@@ -5,6 +5,7 @@ This loads without numpy, which `padgen cache` does not need.
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
+from math import log10
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -202,12 +203,13 @@ def heard_text(plan: "Plan", heard: "Heard") -> str:
                 f"{channel.resonance_hz:.2f}",
                 span_text(heard.wanted_um[indices], ".3g"),
                 span_text(20 * np.log10(np.maximum(played, 1e-12)).ravel(), "+.2f"),
-                "" if np.isnan(quiet).all() else f"{20 * np.log10(max(float(np.nanmax(quiet)), 1e-12)):.1f}",
+                _quiet_text(float(np.nanmax(quiet, initial=-1.0))),
             )
         )
     gap = ", with the pull growing as the gap closes" if heard.with_gap else ""
     leak = plan.reuse.most_leak_db
     leaked = "" if leak is None or not plan.reuse.is_known else f", by the plan {leak:.1f} dB below ON or quieter"
+    nothing_off = "\nno coil plays while a taxel of it is OFF: of ON over OFF this file tells nothing"
     slot = heard.slot_contrast
     held = heard.held_contrast
     frames = "" if slot is None else f"\nheard: on average over a frame, {slot[0]:.1f} dB of ON over OFF or more"
@@ -215,10 +217,20 @@ def heard_text(plan: "Plan", heard: "Heard") -> str:
     return (
         f"heard in {counted(len(heard.spans), 'state')} of the file{gap}:\n"
         + table(("ch", "planned Hz", "wanted µm", "ON, dB of wanted", "OFF, dB at most"), rows)
+        + (nothing_off if heard.selectivity_db is None else "")
         + f"\n(wanted: the level that a finger on the boss is to feel; left out here: what other coils leak{leaked})"
         + frames
         + _shaken_text(heard)
     )
+
+
+def _quiet_text(loudest: float) -> str:
+    """Return in dB how loud the loudest OFF taxel is, of its level when ON; negative: none is OFF."""
+    from padgen.driver.ear import STILL
+
+    if loudest < 0:
+        return ""
+    return f"{20 * log10(loudest):.1f}" if loudest > STILL else "still"
 
 
 def _shaken_text(heard: "Heard") -> str:

@@ -29,6 +29,7 @@ from padgen.measured.tuning import planned_tuning
 from padgen.physics.resonator import felt_energy, relative_energy
 from padgen.planner.channels import coil_modes, hanging_gap_um
 from padgen.planner.drive_scheme import placed_channels
+from padgen.report.results import heard_text
 from padgen.spec import load_spec, parse_spec
 from padgen.verify.coupled import Source, make_system, simulate
 from padgen.verify.propagation import propagate, tones
@@ -251,6 +252,17 @@ def test_a_hold_is_heard_as_the_state_for_ever(quad, tmp_path):
     slowest = max(channel.ring_up_ms for channel in plan.channels) * 1e-3
     assert ramp_s(plan) / 2 < np.nanmin(heard.rise_s) < np.nanmax(heard.rise_s) < ramp_s(plan) + 2.6 * slowest
     assert np.isnan(heard.rise_s[0, ~(frames[0] > 0)]).all()
+
+
+def test_a_file_in_which_no_off_taxel_moves_tells_nothing_of_selectivity(pair, tmp_path):
+    plan, drive = pair
+    on = np.ones(len(plan.taxels))
+    heard = hear(plan, *played(plan, drive, timeline(plan, np.stack([0 * on, on]), 0.7), tmp_path))
+    assert np.nanmax(heard.off) < 1e-12
+    assert heard.selectivity_db is None
+    text = heard_text(plan, heard)
+    assert "still" in text
+    assert "of ON over OFF this file tells nothing" in text
 
 
 def test_equal_frames_are_one_state(pair, tmp_path):
