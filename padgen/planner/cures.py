@@ -287,9 +287,9 @@ def _cures(spec: Spec, limit: int) -> Iterator[Cure]:
     ]
     if not any(_best_layout(spec, limit, cure) for cure in (larger_pads[0], larger_pads[-1])):
         larger_pads = []  # what lies between is not worth its time
-    is_given_for_search = spec.coil.sizing == "given" and hasattr(COILS.get(spec.coil.kind, "coil.kind"), "resized")
+    may_be_searched = spec.coil.sizing == "given" and hasattr(COILS.get(spec.coil.kind, "coil.kind"), "resized")
     ways: list[list[Cure]] = [
-        [{"coil.outer_diameter_mm": None}] if is_given_for_search else [],
+        [{"coil.outer_diameter_mm": None}] if may_be_searched else [],
         [{"coil": e["name"]} for e in sorted(larger, key=diameter)],
         [{spec.mover_table_name: e["name"]} for e in sorted(smaller, key=diameter, reverse=True)],
         [{"printer": e["name"]} for e in finer if e["process"] == spec.printer.process],

@@ -573,8 +573,8 @@ def _least_short(tried: list[tuple[Choice, ChoiceFigures]], judged_by: _Round) -
 def _pad_of(choice: Choice, drive: str) -> tuple[Any, ...]:
     """Return a key of the pad that `choice` makes with `drive`, so that no pad is judged twice."""
     coil = choice.spec.coil
-    bends = choice.spec.suspension.topology
-    return choice.layout, choice.channels, bends, coil.reuse, coil.gap_mm, coil.outer_diameter_mm, drive
+    topology = choice.spec.suspension.topology
+    return choice.layout, choice.channels, topology, coil.reuse, coil.gap_mm, coil.outer_diameter_mm, drive
 
 
 def _with_bent_beams(tried: Sequence[tuple[Choice, ChoiceFigures]]) -> Iterator[Choice]:

@@ -102,8 +102,8 @@ def judge_pushes(plan: Plan) -> Iterator[Finding]:
         f"stops channel{plural(len(touching))} {listed(touching)}" if touching else "leaves every taxel free to move"
     )
     sentence = (
-        f"a finger that presses its boss with {_short(pushed.rim_force_mn[at])} mN stops it: the {spec.mover.kind} then"
-        f" touches the coil{further}; a finger of typical skin (a provisional model) that only rests on the frame"
+        f"a finger that presses the rim of its boss with {_short(pushed.rim_force_mn[at])} mN stops it: the"
+        f" {spec.mover.kind} then touches the coil{further}; a finger of typical skin (a provisional model) that only rests on the frame"
         f" presses this boss, {number(spec.taxel.boss_protrusion_mm)} mm proud, in by"
         f" {_short(typical.deflection_mm[at])} mm, and {resting}"
     )

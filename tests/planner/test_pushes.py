@@ -48,7 +48,7 @@ def test_pushes_and_skin_leave_a_gap_or_none(plan):
 def test_one_finding_tells_of_pushes_and_its_cure_holds(plan):
     (found,) = (f for f in plan.findings if f.code == "touch.push")
     assert (found.level, found.where) == ("warning", "channel 0")
-    assert "presses its boss with 13 mN stops it" in found.message
+    assert "presses the rim of its boss with 13 mN stops it" in found.message
     assert "of typical skin (a provisional model) that only rests on the frame" in found.message
     assert "in by 0.93 mm, and stops channels 0" in found.message
     cured = make_plan(varied(plan.spec, found.cures[0]), tries_cures=False)
