@@ -103,8 +103,8 @@ def judge_pushes(plan: Plan) -> Iterator[Finding]:
     )
     sentence = (
         f"a finger that presses the rim of its boss with {_short(pushed.rim_force_mn[at])} mN stops it: the"
-        f" {spec.mover.kind} then touches the coil{further}; a finger of typical skin (a provisional model) that only rests on the frame"
-        f" presses this boss, {number(spec.taxel.boss_protrusion_mm)} mm proud, in by"
+        f" {spec.mover.kind} then touches the coil{further}; a finger of typical skin (a provisional model) that only"
+        f" rests on the frame presses this boss, {number(spec.taxel.boss_protrusion_mm)} mm proud, in by"
         f" {_short(typical.deflection_mm[at])} mm, and {resting}"
     )
     yield Finding(
