@@ -3,6 +3,10 @@
 python docs/measure_coil_sizes.py [COUNT [FIRST]]: COUNT random specs that leave the coils' diameter open.
 """
 
+import os
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 import random
 import sys
 import time

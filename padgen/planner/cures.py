@@ -11,7 +11,6 @@ from operator import itemgetter
 from typing import Any
 
 from padgen.core.errors import InfeasibleError, PadgenError, SolverError, SpecError, cured, number, plural
-from padgen.core.registry import COILS
 from padgen.planner.layout import (
     SLACK_MM,
     Layout,
@@ -29,7 +28,16 @@ from padgen.planner.plan import Plan
 from padgen.planner.search import channel_limit, ladders, reachable_hz, sized_layouts, snapping
 from padgen.planner.verdict import with_verdict
 from padgen.spec import Spec, SuspensionTable, load_spec, make_spec
-from padgen.spec.load import CARRIED_HEADROOM, as_table, catalogue, laid_over, spread_of, still_searched, without_none
+from padgen.spec.load import (
+    CARRIED_HEADROOM,
+    as_table,
+    catalogue,
+    is_resizable,
+    laid_over,
+    spread_of,
+    still_searched,
+    without_none,
+)
 
 __all__ = ["Cure", "named_breakdown", "refusal", "varied", "with_tried_cures"]
 
@@ -287,9 +295,8 @@ def _cures(spec: Spec, limit: int) -> Iterator[Cure]:
     ]
     if not any(_best_layout(spec, limit, cure) for cure in (larger_pads[0], larger_pads[-1])):
         larger_pads = []  # what lies between is not worth its time
-    may_be_searched = spec.coil.sizing == "given" and hasattr(COILS.get(spec.coil.kind, "coil.kind"), "resized")
     ways: list[list[Cure]] = [
-        [{"coil.outer_diameter_mm": None}] if may_be_searched else [],
+        [{"coil.outer_diameter_mm": None}] if spec.coil.sizing == "given" and is_resizable(spec.coil) else [],
         [{"coil": e["name"]} for e in sorted(larger, key=diameter)],
         [{spec.mover_table_name: e["name"]} for e in sorted(smaller, key=diameter, reverse=True)],
         [{"printer": e["name"]} for e in finer if e["process"] == spec.printer.process],

@@ -58,6 +58,7 @@ __all__ = [
     "as_table",
     "catalogue",
     "find_spec",
+    "is_resizable",
     "laid_over",
     "load_spec",
     "make_spec",
@@ -202,7 +203,7 @@ def _parts_rules(spec: Spec) -> list[Rule]:
             [{"coil.gap_mm": coil.outer_diameter_mm}],
         ),
         Rule(
-            coil.sizing == "given" or hasattr(COILS.get(coil.kind, "coil.kind"), "resized"),
+            coil.sizing == "given" or is_resizable(coil),
             "coil.sizing",
             f"must be 'given' of coils of kind {coil.kind!r}, got {coil.sizing!r}",
             [{"coil.sizing": "given"}],
@@ -926,6 +927,11 @@ def _read(path: Path, most_bytes: int, what: str, where: str) -> bytes:
         return read_bounded(path, most_bytes, what)
     except FileError as error:
         raise FileError(error.message, where) from error
+
+
+def is_resizable(coil: Coil) -> bool:
+    """Return whether the search may find the diameter of coils of this kind."""
+    return hasattr(COILS.get(coil.kind, "coil.kind"), "resized")
 
 
 def as_table(spec: Spec) -> dict[str, Any]:
