@@ -660,8 +660,8 @@ def heard_table(heard: Heard) -> dict[str, Any]:
     In the summary `tone_low_db`, `tone_high_db` are how far ON taxels' own lines are off what they are to be, `rise_s`
     is the slowest switching on, `peak_um` the largest motion of a washer; currents and losses are of the coil that has
     most; None where no taxel is ON, or OFF and moves. `slot_db` is `Heard.slot_contrast`, `held_db` is
-    `Heard.held_contrast`; in `frames` the levels are averages over each frame's whole slot. `recoil` is of the moving pad, all coils at once:
-    `selectivity_db` and `slot_db` as in the summary, None where it does not move.
+    `Heard.held_contrast`; in `frames` the levels are averages over each frame's whole slot. `recoil` is of the moving
+    pad, all coils at once: `selectivity_db` and `slot_db` as in the summary, None where it does not move.
     """
     tone = _tone_db(heard)
     of_coils = ("peak_a", "rms_a", "copper_loss_w", "signal_peak", "signal_mean")
