@@ -109,7 +109,7 @@ def solved_curve(plan: Plan, channel: Channel, nodes: int = 8) -> PullCurve | No
     def on_mode(log_um: float) -> float:
         with patch.object(pull_module, "_fineness", lambda *_: fine):
             found = pull_module.pull(*magnetic_parts(spec), float(np.exp(log_um)) * UM, offset)
-        pulled = PullAt(*(np.array([v]) for v in (-found.axial, found.side, found.moment, *[0.0] * 6)))
+        pulled = PullAt(*(np.array([v]) for v in (-found.axial, found.side, found.moment, *[0.0] * 8)))
         return -found.axial * float(working_mode_ratios([modes], site_wrenches(spec, pulled, [channel.site]))[0])
 
     rest = on_mode(float(np.log(rest_um)))

@@ -127,10 +127,12 @@ def least_thermal_time_s(coil: Coil) -> float:
     aluminium of that resistance would store more too. Shorter is safe: with first-order lags the heat of a slower
     coil is a weighted mean of the past heat of a quicker one, and no higher.
     """
-    outer, inner, length = (size * MM for size in (coil.outer_diameter_mm, coil.inner_diameter_mm, coil.length_mm))
-    wire = coil.turns * pi * (outer + inner) / 2
-    copper = min(COPPER_OHM_M * wire**2 / coil.resistance_ohm, pi / 4 * (outer**2 - inner**2) * length)
-    surface = pi * outer * length + pi / 2 * outer**2
+    length = coil.length_mm * MM
+    wire = coil.turns * coil.mean_turn_mm * MM
+    copper = min(COPPER_OHM_M * wire**2 / coil.resistance_ohm, (coil.face_mm2 - coil.bore_mm2) * MM**2 * length)
+    # Of a rectangular coil the sides of a box round it.
+    around = 2 * sum(coil.sides_mm) * (pi / 4 if coil.shape == "round" else 1.0) * MM
+    surface = around * length + 2 * coil.face_mm2 * MM**2
     return min(max(COPPER_J_PER_M3_K * copper / (MOST_W_PER_M2K * surface), LEAST_HEAT_S), HEAT_S)
 
 

@@ -11,17 +11,28 @@ each turn as `FILAMENTS` filaments across its track; a turn's own is ``μ₀ r (
 g = 0.2235 (w + t) of its section from itself (Grover, Inductance Calculations, 1946). Up to some ten kHz the current
 fills such tracks evenly: at 5 kHz the skin is 0.9 mm deep.
 
+Rectangular spirals are straight tracks (`physics.rectangular_spiral`), with their corners cut to leave room for the
+vias beside them. Their bore vias lie in the directions of the sides.
+
 SI units. Heights are over the board's top copper; the solder mask is left out.
 """
 
 from functools import lru_cache
-from math import ceil, floor, pi, sin
+from math import ceil, floor, pi, sin, sqrt
 from typing import NamedTuple
 
 import numpy as np
 
 from padgen.core.units import COPPER_OHM_M
-from padgen.physics.magnetics import BLOCK, MU_0, CoilSource, Winding, gauss, toroidal
+from padgen.physics.magnetics import BLOCK, MU_0, CoilSource, RectangularWinding, Winding, gauss, toroidal
+from padgen.physics.rectangular_spiral import (
+    LoopSides,
+    inductance_of_loops,
+    loop_segments,
+    loops_between,
+    spiral_path,
+    squares_saved,
+)
 
 __all__ = [
     "LAMINATE_J_PER_M3_K",
@@ -32,12 +43,16 @@ __all__ = [
     "board_layers",
     "board_source",
     "bore_needed",
+    "corner_leg",
+    "ends_at_via",
     "heat_limit",
     "inductance",
     "layer_current_shares",
     "layer_resistances",
+    "rectangle_path",
     "resistance",
     "rings_of",
+    "side_via",
 ]
 
 LAMINATE_KG_PER_M3 = 1850.0
@@ -62,7 +77,8 @@ class BoardCoil(NamedTuple):
     """Sizes of a board coil in m: the outside of its widest turn, its bore, tracks, vias and layers.
 
     `copper` is the thickness of each layer from the top, `depth` the distance of each layer's upper face from that of
-    the first. `parallel` is true for pairs of layers in parallel.
+    the first. `parallel` is true for pairs of layers in parallel. `outer_depth` is 0 for round coils; of rectangular
+    ones it is the size along y, and `outer_diameter` that along x.
     """
 
     outer_diameter: float
@@ -75,6 +91,24 @@ class BoardCoil(NamedTuple):
     copper: tuple[float, ...]
     depth: tuple[float, ...]
     parallel: bool
+    outer_depth: float = 0.0
+
+    @property
+    def is_round(self) -> bool:
+        """True for round spirals, false for rectangular ones."""
+        return not self.outer_depth
+
+    @property
+    def narrower(self) -> float:
+        """The lesser of the coil's sizes along x and y in m."""
+        return self.outer_diameter if self.is_round else min(self.outer_diameter, self.outer_depth)
+
+    @property
+    def outline(self) -> LoopSides:
+        """Outside of a rectangular coil: its corners are cut so far that the vias beside it fit into them."""
+        x = self.outer_diameter / 2
+        y = self.outer_depth / 2
+        return LoopSides(x, y, (x + y - corner_leg(self)) / sqrt(2))
 
     @property
     def pitch(self) -> float:
@@ -89,11 +123,12 @@ class BoardCoil(NamedTuple):
     @property
     def bore_via_radius(self) -> float:
         """Distance in m from the coil's axis to the vias in its bore, packed as the board house allows."""
-        return 0.0 if self.bore_vias == 1 else (self.via + self.space) / (2 * sin(pi / self.bore_vias))
+        places = self.bore_vias if self.is_round or self.bore_vias < 3 else 4
+        return 0.0 if places == 1 else (self.via + self.space) / (2 * sin(pi / places))
 
     @property
     def side_via_radius(self) -> float:
-        """Distance in m from the coil's axis to the vias beside the coil."""
+        """Distance in m from the axis of a round coil to the vias beside it."""
         return self.outer_diameter / 2 + self.space + self.via / 2
 
     @property
@@ -121,13 +156,22 @@ def bore_needed(coil: BoardCoil) -> float:
     return 2 * (coil.bore_via_radius + coil.via / 2 + coil.space)
 
 
+def corner_leg(coil: BoardCoil) -> float:
+    """Return by how much in m, along each side, the corners of a rectangular coil are cut: room for a via."""
+    return coil.via + sqrt(2) * (coil.via / 2 + coil.space)
+
+
+RECTANGLE_STARTS = (pi, 0.0, pi / 2, 3 * pi / 2)
+"""Angles of the vias in the bore of a rectangular coil, pair by pair of layers."""
+
+
 def board_layers(coil: BoardCoil) -> tuple[BoardLayer, ...]:
     """Return the spirals from the top layer down; a layer has no turns where there is no room for one."""
-    room = (coil.outer_diameter - coil.inner_diameter) / 2 - coil.track
+    room = (coil.narrower - coil.inner_diameter) / 2 - coil.track
     layers = []
     for k in range(len(coil.copper)):
         pair = 0 if coil.parallel else k // 2
-        start = 2 * pi * pair / coil.bore_vias + pi
+        start = 2 * pi * pair / coil.bore_vias + pi if coil.is_round else RECTANGLE_STARTS[pair]
         end = _end_angle(coil, k)
         sense = -1 if k % 2 == 0 else 1
         # As many turns as there is room for, so that the track ends at that angle.
@@ -158,16 +202,44 @@ def layer_current_shares(coil: BoardCoil) -> np.ndarray:
     return share
 
 
-def layer_resistances(coil: BoardCoil) -> list[float]:
-    """Return the resistance in Ω at 20 °C of each layer's spiral, with its links to the vias."""
-    ohms = []
-    for k, (layer, copper) in enumerate(zip(board_layers(coil), coil.copper, strict=True)):
+def ends_at_via(coil: BoardCoil, layer: int) -> bool:
+    """Return whether the spiral of a layer ends at a via beside the coil; others end at the coil's ends."""
+    return coil.parallel or 0 < layer < len(coil.copper) - 1
+
+
+def rectangle_path(coil: BoardCoil, layer: BoardLayer) -> np.ndarray:
+    """Return the corners (n, 2) in m of the middle of a rectangular spiral's track, from the inside out."""
+    outer = coil.outline.inside(coil.track / 2)
+    return spiral_path(outer, coil.pitch, round(layer.start_angle * 4 / pi), layer.turns, layer.sense)
+
+
+def side_via(coil: BoardCoil, angle: float) -> tuple[float, float]:
+    """Return where in m from the axis the via beside a coil lies in a direction; of rectangular coils, in a corner."""
+    x, y = np.cos(angle), np.sin(angle)
+    if coil.is_round:
+        return float(coil.side_via_radius * x), float(coil.side_via_radius * y)
+    half = coil.via / 2
+    return float(np.copysign(coil.outer_diameter / 2 - half, x)), float(np.copysign(coil.outer_depth / 2 - half, y))
+
+
+def _track_length(coil: BoardCoil, k: int, layer: BoardLayer) -> float:
+    """Return the length in m of a straight track that resists as much as layer `k`'s spiral with its links to vias."""
+    if coil.is_round:
         spiral = 2 * pi * layer.turns * (layer.start_radius + layer.turns * coil.pitch / 2)
         inwards = layer.start_radius - coil.bore_via_radius
-        ends_at_via = coil.parallel or 0 < k < len(coil.copper) - 1
-        outwards = coil.side_via_radius - layer.start_radius - layer.turns * coil.pitch if ends_at_via else 0.0
-        ohms.append(COPPER_OHM_M * (spiral + inwards + outwards) / (coil.track * copper))
-    return ohms
+        outwards = coil.side_via_radius - layer.start_radius - layer.turns * coil.pitch
+        return spiral + inwards + (outwards if ends_at_via(coil, k) else 0.0)
+    path = rectangle_path(coil, layer)
+    spiral = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum()) - squares_saved(path) * coil.track
+    inwards = float(np.hypot(*path[0])) - coil.bore_via_radius
+    outwards = float(np.hypot(*(path[-1] - side_via(coil, layer.end_angle))))
+    return spiral + inwards + (outwards if ends_at_via(coil, k) else 0.0)
+
+
+def layer_resistances(coil: BoardCoil) -> list[float]:
+    """Return the resistance in Ω at 20 °C of each layer's spiral, with its links to the vias."""
+    layers = enumerate(zip(board_layers(coil), coil.copper, strict=True))
+    return [COPPER_OHM_M * _track_length(coil, k, layer) / (coil.track * copper) for k, (layer, copper) in layers]
 
 
 def resistance(coil: BoardCoil) -> float:
@@ -210,6 +282,8 @@ def rings_of(coil: BoardCoil) -> Rings:
 @lru_cache(maxsize=64)
 def inductance(coil: BoardCoil) -> float:
     """Return the inductance in H of a board coil at low frequencies, with currents by `layer_current_shares`."""
+    if not coil.is_round:
+        return _inductance_of_rectangles(coil)
     rings = rings_of(coil)
     at, weight = gauss(FILAMENTS)
     across = coil.track * (at - 0.5)
@@ -236,15 +310,42 @@ def inductance(coil: BoardCoil) -> float:
     return between + float(alone.sum())
 
 
-def board_source(coil: BoardCoil) -> CoilSource:
-    """Return the coil as one uniform flat winding per layer, a model valid from some track pitches away on."""
+def _inductance_of_rectangles(coil: BoardCoil) -> float:
     share = layer_current_shares(coil)
-    windings = []
+    outer = coil.outline.inside(coil.track / 2)
+    segments = []
+    of_layer = []
+    flow = []
     for k, layer in enumerate(board_layers(coil)):
-        inner = 2 * layer.start_radius
-        outer = inner + 2 * layer.turns * coil.pitch
+        loops = loops_between(outer, coil.pitch, layer.turns)
+        for outline, part in zip(loops.outlines, loops.parts, strict=True):
+            pieces = loop_segments(outline)
+            segments.append(pieces)
+            of_layer += [k] * len(pieces)
+            flow += [part * share[k]] * len(pieces)
+    thickness = np.array(coil.copper)
+    depth = np.array(coil.depth) + thickness / 2
+    tracks = coil.track, thickness[of_layer]
+    return inductance_of_loops(np.concatenate(segments), depth[of_layer], np.array(flow), tracks)
+
+
+def board_source(coil: BoardCoil) -> CoilSource:
+    """Return the coil as one flat winding per layer.
+
+    A round one is uniform, a model valid from some track pitches away on; a rectangular one has its turns as loops.
+    """
+    share = layer_current_shares(coil)
+    windings: list[Winding | RectangularWinding] = []
+    for k, layer in enumerate(board_layers(coil)):
         top = -coil.depth[k]
-        windings.append(Winding(outer, inner, top, top - coil.copper[k], layer.turns * float(share[k])))
+        bottom = top - coil.copper[k]
+        if coil.is_round:
+            inner = 2 * layer.start_radius
+            outer = inner + 2 * layer.turns * coil.pitch
+            windings.append(Winding(outer, inner, top, bottom, layer.turns * float(share[k])))
+        else:
+            loops = loops_between(coil.outline.inside(coil.track / 2), coil.pitch, layer.turns)
+            windings.append(RectangularWinding(loops.outlines, loops.parts, float(share[k]), top, bottom))
     return CoilSource(tuple(windings))
 
 
@@ -262,7 +363,7 @@ def heat_limit(coil: BoardCoil) -> float:
     Its two faces give off ``2 h A ΔT``, what the board around it takes being left out; no track carries more than
     ``I = 0.024 ΔT^0.44 A^0.725`` (IPC-2221, inner layers; A in square mils), a rule for tracks by themselves.
     """
-    faces = 2 * pi / 4 * coil.outer_diameter**2
+    faces = 2 * (pi / 4 * coil.outer_diameter**2 if coil.is_round else coil.outline.area)
     given_off = AIR_W_PER_M2K * faces * RISE_K
     most = IPC_INNER * RISE_K**0.44 * (np.array(coil.copper) * coil.track / MIL_M**2) ** 0.725
     current = float((most / layer_current_shares(coil)).min())

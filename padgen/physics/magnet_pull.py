@@ -29,6 +29,7 @@ from padgen.physics.magnetics import (
     MOST_RINGS,
     MU_0,
     CoilSource,
+    RectangularWinding,
     SteelBody,
     SteelRing,
     Winding,
@@ -47,6 +48,7 @@ from padgen.physics.magnets import (
     steel_charges,
     wave_points,
 )
+from padgen.physics.track_pull import MagnetWaves, track_pulls
 
 __all__ = ["LEAST_GAP", "MagnetPull", "RestOnSpring", "magnet_pull", "rest_on_spring", "shared_core"]
 
@@ -66,7 +68,8 @@ class MagnetPull(NamedTuple):
     to the offset, positive if it lowers the far side; `error` bounds that of the force, `slope_error` that of the
     slope. Without a current, by the core alone: `core_pull` towards the coil in N; `core_stiffness` in N/m, its slope
     with the gap, which is mostly negative and adds to the spring's; `core_side`, `core_moment`; and `core_error`, which
-    bounds that of the pull.
+    bounds that of the pull. Rectangular coils also push at right angles to the offset: `side_across` in N/A to the
+    left of it, and `moment_across`, positive if it lowers the left side.
     """
 
     force: np.ndarray
@@ -80,6 +83,8 @@ class MagnetPull(NamedTuple):
     core_side: np.ndarray
     core_moment: np.ndarray
     core_error: np.ndarray
+    side_across: np.ndarray
+    moment_across: np.ndarray
 
 
 MOST = (40, 24)
@@ -122,16 +127,20 @@ class _Spectrum(NamedTuple):
 
 
 def magnet_pull(
-    coil: CoilSource, magnet: DiscMagnet, gap: Any, offset: Any, steel: SteelRing | None = None
+    coil: CoilSource, magnet: DiscMagnet, gap: Any, place: Any, steel: SteelRing | None = None
 ) -> MagnetPull:
-    """Return a coil's pull on a magnet, its underside `gap` (n,) m above the coil's top, `offset` (n,) m off the axis.
+    """Return a coil's pull on a magnet whose underside is `gap` (n,) m above its top, at `place` (n, 2) m off its axis.
 
-    Bounds of the errors are in docs/magnets.md. Offsets are not negative; gaps below `LEAST_GAP` count as that. `steel`
-    lies on top of the magnet and moves with it (`magnets.steel_charges`).
+    A `place` (n,) is so many m along x. Bounds of the errors are in docs/magnets.md. Gaps below `LEAST_GAP` count as
+    that. `steel` lies on top of the magnet and moves with it (`magnets.steel_charges`).
     """
-    gap, offset = np.broadcast_arrays(np.maximum(np.atleast_1d(np.asarray(gap, float)), LEAST_GAP), np.asarray(offset))
-    if not gap.size:
-        return MagnetPull(*np.zeros((11, 0)))
+    gap = np.maximum(np.atleast_1d(np.asarray(gap, float)), LEAST_GAP)
+    place = np.asarray(place, float)
+    if not (gap.size and place.size):
+        return MagnetPull(*np.zeros((13, 0)))
+    if isinstance(coil.windings[0], RectangularWinding):
+        return _rectangular_pulls(coil, magnet, gap, place, steel)
+    gap, offset = np.broadcast_arrays(gap, np.hypot(*place.T) if place.ndim > 1 else place)
     pairs = list(zip(gap.tolist(), offset.tolist(), strict=True))
     row = {pair: at for at, pair in enumerate(dict.fromkeys(pairs))}  # many taxels lie alike over their coils
     near, beside = np.array(list(row)).T
@@ -141,8 +150,31 @@ def magnet_pull(
     return MagnetPull(*np.concatenate(blocks, axis=1)[:, [row[pair] for pair in pairs]])
 
 
+def _rectangular_pulls(
+    coil: CoilSource, magnet: DiscMagnet, gap: np.ndarray, place: np.ndarray, steel: SteelRing | None
+) -> MagnetPull:
+    """Return the pulls of a coil of straight tracks, by the magnet's field at the tracks; each place but once."""
+    if place.ndim < 2:
+        place = np.stack([np.ravel(place), np.zeros(place.size)], -1)
+    gap, x, y = np.broadcast_arrays(gap, *place.T)
+    rows, back = np.unique(np.stack([gap, x, y], -1), axis=0, return_inverse=True)
+    farthest = float(np.hypot(x, y).max()) + coil.outer_diameter / 2
+    least_gap, reach = _shared_range(magnet, float(gap.min()), farthest)
+    waves = MagnetWaves(*_magnet_waves(magnet, least_gap, reach, steel), least_gap, reach)
+    pulls = track_pulls(coil.windings, waves, rows[:, 0], rows[:, 1:])
+    distance = np.hypot(*rows[:, 1:].T)
+    out = rows[:, 1:] / np.where(distance > 0, distance, 1.0)[:, None]
+    left = np.stack([-out[:, 1], out[:, 0]], -1)
+    side, moment, side_across, moment_across = (
+        (vector * way).sum(1) for way in (out, left) for vector in (pulls.side, pulls.lowering)
+    )
+    none = np.zeros((5, len(rows)))
+    both = pulls.force, pulls.slope, side, moment, pulls.error, pulls.slope_error, *none, side_across, moment_across
+    return MagnetPull(*np.stack(both)[:, back.ravel()])
+
+
 def _pulls(spectrum: _Spectrum, gap: np.ndarray, offset: np.ndarray) -> np.ndarray:
-    """Return the eleven fields of `MagnetPull` at gaps and offsets (n,) in m, as an array (11, n)."""
+    """Return the fields of `MagnetPull` at gaps and offsets (n,) in m, as an array (13, n)."""
     orders = max((len(core.echo) for core in spectrum.cores), default=1)
     k = spectrum.k
     fall = np.exp(-gap[:, None] * k)
@@ -163,7 +195,7 @@ def _pulls(spectrum: _Spectrum, gap: np.ndarray, offset: np.ndarray) -> np.ndarr
         fine, coarse = (_core_pulls(core, fall, around, turns) for core in spectrum.cores)
         static[:4] = fine
         static[4] = np.abs(fine[0] - coarse[0]) + CORE_SHARE * np.abs(fine[0])
-    return np.stack([force, slope, side, moment, *lost, *static])
+    return np.stack([force, slope, side, moment, *lost, *static, *np.zeros((2, gap.size))])
 
 
 def _bessel_derivatives(around: np.ndarray) -> np.ndarray:
@@ -216,7 +248,7 @@ def _core_at(coil: CoilSource, magnet: DiscMagnet, gap: float, offset: float) ->
     """Return the wave numbers and the core of `_spectrum`, alone a third of the work; None of a coil without one."""
     shared = _shared_range(magnet, gap, offset)
     core = _kept_core(coil, magnet, *shared, None, 1.0)
-    return core and (_magnet_waves(coil, magnet, *shared, None)[0], core)
+    return core and (_magnet_waves(magnet, shared[0], shared[1] + _half_width(coil), None)[0], core)
 
 
 def _shared_range(magnet: DiscMagnet, gap: float, offset: float) -> tuple[float, float]:
@@ -230,7 +262,7 @@ def _shared_range(magnet: DiscMagnet, gap: float, offset: float) -> tuple[float,
 def _kept_spectrum(
     coil: CoilSource, magnet: DiscMagnet, gap: float, reach: float, steel: SteelRing | None
 ) -> _Spectrum:
-    k, faces, turned = _magnet_waves(coil, magnet, gap, reach, steel)
+    k, faces, turned = _magnet_waves(magnet, gap, reach + _half_width(coil), steel)
     wound = sum((_wound(winding, k) for winding in coil.windings), np.zeros_like(k))
     nodes = [_core_nodes(coil, magnet, gap, reach, share) for share in (1.0, FEWER)]
     charged = [core for core in (charged_core(coil, *counts) for counts in nodes) if core is not None]
@@ -246,12 +278,11 @@ def _kept_spectrum(
 
 @lru_cache(maxsize=64)
 def _magnet_waves(
-    coil: CoilSource, magnet: DiscMagnet, gap: float, reach: float, steel: SteelRing | None
+    magnet: DiscMagnet, gap: float, reach: float, steel: SteelRing | None
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the wave numbers k (K,), and `faces` and `turned` (K,) of a `_Spectrum`."""
-    wide = max(coil.outer_diameter, coil.core_diameter) / 2
+    """Return the wave numbers k (K,), and `faces` and `turned` (K,) of a `_Spectrum`, for radii up to `reach` in m."""
     moved = max(magnet.outer_diameter, steel.outer_diameter if steel else 0.0) / 2
-    k, weight = wave_points(DECAY / gap, reach + wide + moved)
+    k, weight = wave_points(DECAY / gap, reach + moved)
     height = k * magnet.height
     flux = 2 * pi * magnet.polarisation * face_flux(magnet, k)
     across = 2 * pi * magnet.polarisation * sum(sign * a**2 * bessel(k * a, 2)[2] for a, sign in magnet.rims)
@@ -277,7 +308,11 @@ def _kept_core(
     coil: CoilSource, magnet: DiscMagnet, gap: float, reach: float, steel: SteelRing | None, share: float
 ) -> _Core | None:
     charged = charged_core(coil, *_core_nodes(coil, magnet, gap, reach, share))
-    return charged and _core(charged[0], *_magnet_waves(coil, magnet, gap, reach, steel))
+    return charged and _core(charged[0], *_magnet_waves(magnet, gap, reach + _half_width(coil), steel))
+
+
+def _half_width(coil: CoilSource) -> float:
+    return max(coil.outer_diameter, coil.core_diameter) / 2
 
 
 def _ring_wave(rings: np.ndarray, k: np.ndarray) -> np.ndarray:

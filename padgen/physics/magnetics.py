@@ -29,7 +29,7 @@ SI units; H in A/m, potentials in A.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from math import ceil, pi
+from math import ceil, cos, pi, sin, sqrt
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -37,12 +37,15 @@ import numpy as np
 __all__ = [
     "BLOCK",
     "CORE_ORDERS",
+    "EIGHTHS",
     "MILD_STEEL",
     "MOST_RINGS",
     "MU_0",
     "TEAM_STEEL",
     "BHCurve",
     "CoilSource",
+    "LoopSides",
+    "RectangularWinding",
     "RingPotential",
     "Side",
     "SteelBody",
@@ -94,15 +97,106 @@ class Winding(NamedTuple):
         """Height of the cross-section in m."""
         return self.top - self.bottom
 
+    @property
+    def mean_area(self) -> float:
+        """Mean area in m² that a turn encloses."""
+        return pi * self.mean_square_radius
+
+    @property
+    def mean_square_radius(self) -> float:
+        """Mean of the squared radius of the turns in m²."""
+        outer = self.outer_diameter / 2
+        inner = self.inner_diameter / 2
+        return (outer**2 + outer * inner + inner**2) / 3
+
+    @property
+    def largest_square(self) -> float:
+        """Mean of the fourth power of the turns' radii over that of their squares, in m²."""
+        outer = self.outer_diameter / 2
+        inner = self.inner_diameter / 2
+        return 0.6 * (outer**5 - inner**5) / (outer**3 - inner**3)
+
+
+EIGHTHS = tuple((cos(k * pi / 4), sin(k * pi / 4)) for k in range(8))
+"""Directions in which the sides and the cuts of a loop lie from its axis."""
+
+
+class LoopSides(NamedTuple):
+    """Distances in m from the axis: of the sides across x, of those across y, and of the cuts of the corners."""
+
+    x: float
+    y: float
+    cut: float
+
+    def inside(self, inset: float) -> "LoopSides":
+        """Return the outline that lies `inset` m inside this one on all sides."""
+        return LoopSides(self.x - inset, self.y - inset, self.cut - inset)
+
+    def distance(self, eighth: int) -> float:
+        """Return the distance in m of the side or cut in a direction, in eighths of a turn."""
+        if eighth % 2:
+            return self.cut
+        return self.x if eighth % 4 == 0 else self.y
+
+    @property
+    def area(self) -> float:
+        """Enclosed area in m²."""
+        leg = max(self.x + self.y - sqrt(2) * self.cut, 0.0)
+        return 4 * self.x * self.y - 2 * leg**2
+
+
+class RectangularWinding(NamedTuple):
+    """Turns of rectangular spirals on one layer of a board as closed loops; heights in m over the coil's top face.
+
+    Of each loop `parts` says which part of a turn it is; `share` is this layer's current over the coil's.
+    """
+
+    outlines: tuple[LoopSides, ...]
+    parts: tuple[float, ...]
+    share: float
+    top: float
+    bottom: float
+
+    @property
+    def turns(self) -> float:
+        """Turns, weighted by their share of the coil's current."""
+        return sum(self.parts) * self.share
+
+    @property
+    def length(self) -> float:
+        """Thickness of the tracks in m."""
+        return self.top - self.bottom
+
+    @property
+    def outer_diameter(self) -> float:
+        """Diameter in m of the circle round the outermost loop."""
+        return 2 * float(np.hypot(self.outlines[0].x, self.outlines[0].y))
+
+    @property
+    def mean_area(self) -> float:
+        """Mean area in m² that a turn encloses."""
+        return sum(part * loop.area for part, loop in zip(self.parts, self.outlines, strict=True)) / sum(self.parts)
+
+    @property
+    def mean_square_radius(self) -> float:
+        """Twice the mean square distance in m² of what a turn encloses from the axis, as of a circle its radius²."""
+        squares = (part * (loop.x**2 + loop.y**2) * 2 / 3 for part, loop in zip(self.parts, self.outlines, strict=True))
+        return sum(squares) / sum(self.parts)
+
+    @property
+    def largest_square(self) -> float:
+        """Bound in m² on ⟨r⁴⟩/⟨r²⟩ of circles that enclose as much: half the outermost loop's diagonal, squared."""
+        return (self.outer_diameter / 2) ** 2
+
 
 class CoilSource(NamedTuple):
-    """A coil of any kind as a source of field: coaxial windings in series round a core, in m.
+    """A coil of any kind as a source of field: coaxial windings in series round a core, in m; all round, or all not.
 
     The core is a cylinder from `core_top` down, of relative permeability `core_permeability`; `core_diameter` 0 is an
     air core. Nothing reaches above height 0, the coil's top face.
     """
 
-    windings: tuple[Winding, ...]
+    windings: tuple[Winding, ...] | tuple[RectangularWinding, ...]
     core_diameter: float = 0.0
     core_length: float = 0.0
     core_permeability: float = 1.0
@@ -725,7 +819,7 @@ def coil_poles(coil: CoilSource) -> np.ndarray:
     """
     poles = []
     for winding in coil.windings:
-        charge = winding.turns * np.pi * _mean_square_radius(winding) / winding.length
+        charge = winding.turns * winding.mean_area / winding.length
         poles += [(charge, winding.top), (-charge, winding.bottom)]
     if (core := charged_core(coil)) is not None:
         height = core[0].height
@@ -755,7 +849,7 @@ def pole_field(poles: np.ndarray, height: float, away: np.ndarray) -> tuple[np.n
 
 def pole_error(coil: CoilSource, distance: np.ndarray) -> np.ndarray:
     """Return the relative error of `pole_field` at a `distance` (…) in m: the next multipole's, ``¾ ⟨r²⟩/d²``."""
-    square = max((coil.core_diameter / 2) ** 2, *(_mean_square_radius(winding) for winding in coil.windings))
+    square = max((coil.core_diameter / 2) ** 2, *(winding.mean_square_radius for winding in coil.windings))
     return np.asarray(0.75 * square / distance**2)
 
 
@@ -776,15 +870,6 @@ def mutual_error(coil: CoilSource, apart: np.ndarray) -> np.ndarray:
     The next multipole of flat coils adds ``c = 9/4 ⟨r⁴⟩/(⟨r²⟩ d²)``, r the radius of turns; the rest of the series is
     bounded by ``2 c² + 7.5 c³`` up to coils that touch (filament sums in `tests/physics/test_mutual_inductance.py`).
     """
-    outer = np.array([winding.outer_diameter / 2 for winding in coil.windings])
-    inner = np.array([winding.inner_diameter / 2 for winding in coil.windings])
-    square = (0.6 * (outer**5 - inner**5) / (outer**3 - inner**3)).max()
+    square = max(winding.largest_square for winding in coil.windings)
     next_pole = 2.25 * square / np.asarray(apart) ** 2
     return np.asarray(next_pole * (1 + 2 * next_pole + 7.5 * next_pole**2))
-
-
-def _mean_square_radius(winding: Winding) -> float:
-    """Return the mean of the squared radius of a winding's turns, in m²."""
-    outer = winding.outer_diameter / 2
-    inner = winding.inner_diameter / 2
-    return (outer**2 + outer * inner + inner**2) / 3

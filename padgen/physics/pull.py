@@ -271,7 +271,8 @@ class PullAt(NamedTuple):
 
     `pull` is towards the coil in N, `slope` its slope with the gap in N/m. `error` is relative; `jump` in N is its part
     from one table to the next; `slope_off` in N/m is the error of the slope, and `bend_off` in N/m² that of the second
-    derivative. `side`, `moment` and `dipole` are as in `pull.Pull`.
+    derivative. `side`, `moment` and `dipole` are as in `pull.Pull`; `side_across` and `moment_across` are at right
+    angles to these, to the left of the way out and lowering that side, 0 over round coils.
     """
 
     pull: np.ndarray
@@ -283,6 +284,8 @@ class PullAt(NamedTuple):
     slope_off: np.ndarray
     bend_off: np.ndarray
     dipole: np.ndarray
+    side_across: np.ndarray
+    moment_across: np.ndarray
 
 
 class PullTable(NamedTuple):
@@ -452,7 +455,9 @@ def _with_errors(
     """Return pulls towards the coil with their relative errors, from upward forces and absolute errors."""
     with np.errstate(divide="ignore", invalid="ignore"):
         error = OWN_ERROR + lost / np.abs(axial)
-    return PullAt(-axial, side, moment, -slope, error, jump, steep + OWN_ERROR * np.abs(slope), bend, dipole)
+    none = np.zeros_like(axial)
+    steep = steep + OWN_ERROR * np.abs(slope)
+    return PullAt(-axial, side, moment, -slope, error, jump, steep, bend, dipole, none, none)
 
 
 FACE = 5

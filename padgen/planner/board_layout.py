@@ -25,7 +25,7 @@ from typing import NamedTuple
 
 from padgen.core.errors import Finding, InfeasibleError, at_most, number
 from padgen.core.units import COPPER_OHM_M, MM
-from padgen.physics.board_coil import BoardCoil, BoardLayer, board_layers
+from padgen.physics.board_coil import BoardCoil, BoardLayer, board_layers, ends_at_via, rectangle_path, side_via
 from padgen.planner.coils.board import HEAD_MM, board_coil, house_of
 from padgen.planner.layout import SLACK_MM, coil_axis_mm, corner_holes_mm
 from padgen.planner.plan import Plan
@@ -239,7 +239,7 @@ def arc_centre(start: "Point", middle: "Point", end: "Point") -> "Point":
 def coil_path(coil: BoardCoil, net: int, axis_mm: tuple[float, float]) -> tuple[list[Track], list[Via]]:
     """Return the tracks and vias of one coil, from end to end, about an axis in mm.
 
-    Each spiral is half circles about two centres that lie half a pitch apart, so that all turns keep their distance.
+    A round spiral is half circles about two centres that lie half a pitch apart, so that all turns keep their distance.
     """
     layers = board_layers(coil)
     width_mm = coil.track / MM
@@ -247,30 +247,46 @@ def coil_path(coil: BoardCoil, net: int, axis_mm: tuple[float, float]) -> tuple[
     bore: set[tuple[float, float]] = set()
     side: set[tuple[float, float]] = set()
     for k, layer in enumerate(layers):
-        arcs = _arcs_mm(layer, coil.pitch / MM)
-        tracks += [
-            Track(net, k, width_mm, _moved(arc[0], axis_mm), _moved(arc[2], axis_mm), _moved(arc[1], axis_mm))
-            for arc in arcs
-        ]
+        pieces = _spiral_mm(coil, layer)
+        for start, middle, end in pieces:
+            by_way_of = middle and _moved(middle, axis_mm)
+            tracks.append(Track(net, k, width_mm, _moved(start, axis_mm), _moved(end, axis_mm), by_way_of))
         inner = _moved(_polar(coil.bore_via_radius / MM, layer.start_angle), axis_mm)
         bore.add(inner)
-        tracks.append(Track(net, k, width_mm, inner, _moved(arcs[0][0], axis_mm)))
-        if coil.parallel or 0 < k < len(layers) - 1:
-            outer = _moved(_polar(coil.side_via_radius / MM, layer.end_angle), axis_mm)
+        tracks.append(Track(net, k, width_mm, inner, _moved(pieces[0][0], axis_mm)))
+        if ends_at_via(coil, k):
+            outer = _moved(_side_via_mm(coil, layer), axis_mm)
             side.add(outer)
-            tracks.append(Track(net, k, width_mm, _moved(arcs[-1][2], axis_mm), outer))
+            tracks.append(Track(net, k, width_mm, _moved(pieces[-1][2], axis_mm), outer))
     vias = [Via(net, at, coil.via / MM, coil.drill / MM) for at in sorted(bore) + sorted(side)]
     return tracks, vias
 
 
 Point = tuple[float, float]
+Piece = tuple[Point, Point | None, Point]
+"""A piece of a spiral in mm from the coil's axis: start, a point half way of an arc, and end."""
+
+
+def _spiral_mm(coil: BoardCoil, layer: BoardLayer) -> tuple[Piece, ...]:
+    """Return the pieces of a layer's spiral, from the inside out."""
+    if coil.is_round:
+        return _arcs_mm(layer, coil.pitch / MM)
+    corners = [(float(x), float(y)) for x, y in rectangle_path(coil, layer) / MM]
+    return tuple((a, None, b) for a, b in pairwise(corners))
+
+
+def _side_via_mm(coil: BoardCoil, layer: BoardLayer) -> Point:
+    x, y = side_via(coil, layer.end_angle)
+    return x / MM, y / MM
+
+
 LEVEL_MM = 0.01
 OFF_MIDDLE = 0.45
 """KiCad 6 errs about arcs whose middle lies level with an end, or straight above it: they have another point."""
 
 
 @lru_cache(maxsize=64)
-def _arcs_mm(layer: BoardLayer, pitch_mm: float) -> tuple[tuple[Point, Point, Point], ...]:
+def _arcs_mm(layer: BoardLayer, pitch_mm: float) -> tuple[Piece, ...]:
     """Return a spiral as arcs of at most half a turn, from the inside out: start, a point half way and end in mm.
 
     Half circles about a point a quarter pitch off the axis take turns with ones about a point as far on the other
@@ -422,8 +438,8 @@ def _end_point(coil: BoardCoil, layer: int, axis: Point) -> Point:
     """Return where a coil's end on a layer is: the outer end of its spiral, or the via beside it."""
     spiral = board_layers(coil)[layer]
     if coil.parallel:
-        return _moved(_polar(coil.side_via_radius / MM, spiral.end_angle), axis)
-    return _moved(_arcs_mm(spiral, coil.pitch / MM)[-1][2], axis)
+        return _moved(_side_via_mm(coil, spiral), axis)
+    return _moved(_spiral_mm(coil, spiral)[-1][2], axis)
 
 
 def _rounded(point: Point) -> Point:

@@ -137,8 +137,9 @@ def site_wrenches(spec: Spec, pulled: PullAt, sites: Sequence[Site]) -> np.ndarr
     gets (0, 0, 1, 0, 0, 0).
     """
     none = np.zeros(len(sites))
-    side, moment = (
-        np.divide(part, -pulled.pull, out=none.copy(), where=pulled.pull > 0) for part in (pulled.side, pulled.moment)
+    side, moment, side_across, moment_across = (
+        np.divide(part, -pulled.pull, out=none.copy(), where=pulled.pull > 0)
+        for part in (pulled.side, pulled.moment, pulled.side_across, pulled.moment_across)
     )
     # Unit vector away from the coil's axis; zero on the axis, where there is no side force.
     out = np.array([np.divide(site.washer_mm, site.coil_distance_mm or 1.0) for site in sites])
@@ -147,7 +148,7 @@ def site_wrenches(spec: Spec, pulled: PullAt, sites: Sequence[Site]) -> np.ndarr
     x = cosine * out[:, 0] + sine * out[:, 1]
     y = cosine * out[:, 1] - sine * out[:, 0]
     (force_x, force_y), (moment_x, moment_y) = (
-        (x * a - y * b, y * a + x * b) for a, b in ((side, none), (none, moment))
+        (x * a - y * b, y * a + x * b) for a, b in ((side, side_across), (-moment_across, moment))
     )
     # The underside of the washer is the glue's thickness above the bed's plane.
     height = spec.mover_low_mm * MM
@@ -335,7 +336,7 @@ def site_pulls(spec: Spec, sites: Sequence[Site], gap_um: np.ndarray) -> PullAt:
         spec.coil,
         spec.washer_or_magnet,
         gap_um * UM,
-        np.array([site.coil_distance_mm for site in sites]) * MM,
+        np.array([site.washer_mm for site in sites]) * MM,
         *spec.ballast_argument,
     )
 

@@ -237,7 +237,7 @@ def _too_many(spec: Spec, limit: int) -> str:
         word, device = min(spec.drive_devices, key=lambda feed: feed[1].channels)
         there_are = f"the {word} {device.name} has channels for"
     return (
-        f"{there_are} {coils} coil{plural(coils)} of {number(spec.coil.outer_diameter_mm)} mm; band, Q and room for"
+        f"{there_are} {coils} coil{plural(coils)} of {spec.coil.size_text}; band, Q and room for"
         f" plates allow each at most {per_coil} channel{plural(per_coil)}: {coils * per_coil} taxels before beams are"
         " counted"
     )

@@ -211,16 +211,17 @@ def channel_counts(spec: Spec, channel_limit: int) -> Sequence[int]:
     plate = plate_shape(spec)
     plates = spec.pad.width_mm * spec.pad.depth_mm / min(plate.length_mm, plate.width_mm) ** 2
     if not spec.coil.grid:
-        # Each plate's washer lies within the coil's reach, so the plate within a circle larger by its diagonal.
-        circle_mm = coil_reach_mm(spec) + hypot(plate.length_mm, plate.width_mm)
-        plates = min(plates, pi * circle_mm**2 / (plate.length_mm * plate.width_mm))
+        # Each plate's washer lies within the coil's reach, so the plate within an outline wider by its diagonal.
+        reach_x, reach_y = (side_mm + hypot(plate.length_mm, plate.width_mm) for side_mm in coil_reaches_mm(spec))
+        area_mm2 = (pi if spec.coil.shape == "round" else 4) * reach_x * reach_y
+        plates = min(plates, area_mm2 / (plate.length_mm * plate.width_mm))
     return range(1, min(channel_limit, spec.resolution, max(int(plates), 1)) + 1)
 
 
 def most_coils(spec: Spec) -> tuple[int, int]:
-    """Return rows and columns of the largest grid whose pitch is at least the coil's (smallest) diameter."""
-    coil = _least_coil_mm(spec.coil)
-    return floor(spec.pad.depth_mm / coil + 1e-9), floor(spec.pad.width_mm / coil + 1e-9)
+    """Return rows and columns of the largest grid whose pitches are at least the coil's (smallest) sides."""
+    x_mm, y_mm = _least_coil_mm(spec.coil)
+    return floor(spec.pad.depth_mm / y_mm + 1e-9), floor(spec.pad.width_mm / x_mm + 1e-9)
 
 
 def most_outputs(spec: Spec) -> float:
@@ -266,8 +267,14 @@ def room(spec: Spec, layout: Layout) -> Room:
     centres = [at if layout.beam_axis == "x" else at[::-1] for at in sub_cell_centres(layout)]
     # What sliding across leaves of v is a chord's distance from the coil's axis: the winding reaches half that chord.
     beside = [(abs(u), max(abs(v) - max(slide, 0), 0)) for u, v in centres]
-    radius_mm = min(spec.coil.outer_diameter_mm / 2, coil_reach_mm(spec))
-    reaches = [(u, sqrt(max(radius_mm**2 - off**2, 0.0))) for u, off in beside]
+    half_mm = [
+        min(side_mm / 2, reach_mm) for side_mm, reach_mm in zip(spec.coil.sides_mm, coil_reaches_mm(spec), strict=True)
+    ]
+    along_mm, across_mm = half_mm if layout.beam_axis == "x" else half_mm[::-1]
+    if spec.coil.shape == "round":
+        reaches = [(u, sqrt(max(along_mm**2 - off**2, 0.0))) for u, off in beside]
+    else:
+        reaches = [(u, along_mm if off <= across_mm else 0.0) for u, off in beside]
     return Room(length, width, *(min(length / 2 + way * u + reach for u, reach in reaches) for way in (1, -1)))
 
 
@@ -309,11 +316,12 @@ def _farthest_mover_mm(spec: Spec, layout: Layout) -> float:
     """Return how far in mm off the coil's axis the farthest mover lies, with plates slid towards the coil."""
     pocket = recess_mm(spec)[0] / 2 + spec.printer.line_width_mm + spec.printer.smallest_gap_mm + spec.pad.rib_mm / 2
     x_mm, y_mm = (max(side / 2 - pocket, 0) for side in (layout.sub_width_mm, layout.sub_depth_mm))
-    return max(hypot(max(abs(x) - x_mm, 0), max(abs(y) - y_mm, 0)) for x, y in sub_cell_centres(layout))
+    nearest = ((max(abs(x) - x_mm, 0), max(abs(y) - y_mm, 0)) for x, y in sub_cell_centres(layout))
+    return max(spec.coil.off_axis_mm(place) for place in nearest)
 
 
 COIL_STEP_MM = 0.1
-"""Step of the outer diameter of coils whose size is left open."""
+"""Step of the sides of coils whose size is left open."""
 
 
 def with_fitting_coil(spec: Spec, layout: Layout) -> Spec:
@@ -321,8 +329,9 @@ def with_fitting_coil(spec: Spec, layout: Layout) -> Spec:
     if spec.coil.sizing != "auto":
         return spec
     kind = COILS.get(spec.coil.kind, "coil.kind")
-    widest_mm = kind.widest_mm(spec.coil, spec.pad, layout.rows, layout.columns)
-    return replace(spec, coil=kind.resized(spec.coil, max(_stepped_mm(widest_mm), _least_coil_mm(spec.coil))))
+    widest_mm = _stepped_mm(kind.widest_mm(spec.coil, spec.pad, layout.rows, layout.columns))
+    sides_mm = tuple(map(max, widest_mm, _least_coil_mm(spec.coil)))
+    return replace(spec, coil=kind.resized(spec.coil, sides_mm))
 
 
 def with_other_coils(spec: Spec, layout: Layout) -> Iterator[Spec]:
@@ -330,26 +339,27 @@ def with_other_coils(spec: Spec, layout: Layout) -> Iterator[Spec]:
     kind = COILS.get(spec.coil.kind, "coil.kind")
     widest_mm = kind.widest_mm(spec.coil, spec.pad, layout.rows, layout.columns)
     for k in range(MOST_NARROWER + 1):
-        diameter_mm = _stepped_mm(widest_mm * NARROWER**k)
-        if diameter_mm >= kind.narrowest_mm(spec.coil) and diameter_mm != spec.coil.outer_diameter_mm:
-            yield replace(spec, coil=kind.resized(spec.coil, diameter_mm))
+        sides_mm = _stepped_mm([side_mm * NARROWER**k for side_mm in widest_mm])
+        if min(sides_mm) >= kind.narrowest_mm(spec.coil) and sides_mm != spec.coil.sides_mm:
+            yield replace(spec, coil=kind.resized(spec.coil, sides_mm))
 
 
 NARROWER = 0.93
 MOST_NARROWER = 16
-"""Ratio of the outer diameters of narrower coils that are tried, each to the next wider one's, and how many are tried:
-down to three tenths of the widest."""
+"""Ratio of the sides of narrower coils that are tried, each to the next wider one's, and how many are tried: down to
+three tenths of the widest."""
 
 
-def _stepped_mm(outer_mm: float) -> float:
-    return round(floor(outer_mm / COIL_STEP_MM + SLACK_MM) * COIL_STEP_MM, 6)
+def _stepped_mm(sides_mm: Sequence[float]) -> tuple[float, ...]:
+    return tuple(round(floor(side_mm / COIL_STEP_MM + SLACK_MM) * COIL_STEP_MM, 6) for side_mm in sides_mm)
 
 
-def _least_coil_mm(coil: Coil) -> float:
-    """Return the outer diameter of a coil in mm, or the least that it may have if its size is left open."""
+def _least_coil_mm(coil: Coil) -> tuple[float, float]:
+    """Return the sides of a coil in mm along x and y, or the least that they may be if its size is left open."""
     if coil.sizing != "auto":
-        return coil.outer_diameter_mm
-    return float(at_least(COILS.get(coil.kind, "coil.kind").narrowest_mm(coil)))
+        return coil.sides_mm
+    least_mm = float(at_least(COILS.get(coil.kind, "coil.kind").narrowest_mm(coil)))
+    return least_mm, least_mm
 
 
 def _part_slacks(spec: Spec, parts: _Parts, layout: Layout, inside: Room) -> tuple[tuple[str, float], ...]:
@@ -373,18 +383,26 @@ def coil_room_mm(spec: Spec, rows: int) -> tuple[float, float]:
 
     Of a coil whose size is left open it is that of the smallest.
     """
-    outer_mm = _least_coil_mm(spec.coil)
+    outer_x, outer_y = _least_coil_mm(spec.coil)
     if spec.coil.kind == "solenoid":
-        return outer_mm, outer_mm
+        return outer_x, outer_y
     beside = getattr(COILS.get(spec.coil.kind, "coil.kind"), "beside_mm", None)
     x_mm, y_mm = beside(spec.coil, rows) if beside else (0.0, 0.0)
-    return outer_mm + x_mm, outer_mm + y_mm
+    return outer_x + x_mm, outer_y + y_mm
+
+
+def coil_reaches_mm(spec: Spec) -> tuple[float, float]:
+    """Return the coil's reach in mm along x and along y."""
+    reach_mm = coil_reach_mm(spec)
+    width_mm, depth_mm = spec.coil.sides_mm
+    return reach_mm, reach_mm * depth_mm / width_mm
 
 
 def coil_reach_mm(spec: Spec) -> float:
     """Return the coil's reach in mm: how far off its axis a mover may lie that still overlaps it and is pulled by it.
 
-    For a mover with a `reach_m` it is that, if it is less: the pull on a magnet turns round within the overlap.
+    For a mover with a `reach_m` it is that, if it is less: the pull on a magnet turns round within the overlap. Of a
+    rectangular coil it is the reach along x (`Coil.off_axis_mm`).
     """
     overlap_mm = (spec.coil.outer_diameter_mm + spec.washer_or_magnet.outer_diameter_mm) / 2
     reach = getattr(MOVERS.get(spec.mover.kind, "mover.kind"), "reach_m", None)
@@ -471,11 +489,10 @@ def binding_limit_text(spec: Spec, layout: Layout) -> str:
             f"the plate ({number(plate.width_mm)} mm) leaves too little width for a beam ({number(-slack)} mm short)"
         )
     with_tracks = f", with tracks beside it {number(least[0])} x {number(least[1])} mm"
-    if max(least) <= spec.coil.outer_diameter_mm:
+    if least == spec.coil.sides_mm:
         with_tracks = ""
     sentences = {
-        "coil": f"the coil ({number(spec.coil.outer_diameter_mm)} mm{with_tracks}) exceeds the pitch of"
-        f" {number(pitch)} mm",
+        "coil": f"the coil ({spec.coil.size_text}{with_tracks}) exceeds the pitch of {number(pitch)} mm",
         "reach": f"the farthest {spec.mover.kind} lies {number(reach_mm - slack)} mm off the coil axis,"
         f" beyond the coil's reach of {number(reach_mm)} mm",
         "width": f"{sub}, {too_wide}",

@@ -414,7 +414,8 @@ def _air(plan: Plan) -> Iterator[LeftOut]:
     spec = plan.spec
     channels = plan.channels
     below = spec.mover_low_mm
-    coil = spec.coil.outer_diameter_mm / 2 * MM
+    # Of a rectangular coil the circle round it.
+    coil = (spec.coil.outer_diameter_mm if spec.coil.shape == "round" else hypot(*spec.coil.sides_mm)) / 2 * MM
     area, plates, square, most, window = np.array([_moving_area(plan.arrangement(c), c) for c in channels]).T
     mass, stiffness, q, sag, offset = np.array(
         [

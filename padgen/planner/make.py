@@ -311,7 +311,7 @@ def _searched(spec: Spec, quick: bool = False, most: int | None = None) -> Choic
     if pulls[far] <= 0:  # as on a grid with too few coils
         if snapping(spec):
             return None  # the core is why nearer movers are no candidates
-        distance_mm = sites[far].coil_distance_mm
+        distance_mm = spec.coil.off_axis_mm(sites[far].washer_mm)
         reach_mm = coil_reach_mm(spec)
         up_to = f", but up to {number(reach_mm)} mm" if reach_mm < distance_mm else ""
         raise InfeasibleError(
@@ -515,7 +515,7 @@ def _first_that_works(
     far_short = Counter[tuple[Any, ...]]()
     for choice in chain(rank, _with_bent_beams(tried)):  # those with bent beams once all of `rank` are in `tried`
         asked = decibel(choice.spec.delta_y)
-        key = *_drive_and_layout(choice), choice.spec.coil.outer_diameter_mm
+        key = *_drive_and_layout(choice), choice.spec.coil.sides_mm
         kind = (len(choice.channels), choice.spec.suspension.topology, *key[:2])
         if _pad_of(choice, choice.spec.drive.scheme) in judged_pads or far_short[kind] >= MOST_FAR_SHORT:
             continue
@@ -574,7 +574,7 @@ def _pad_of(choice: Choice, drive: str) -> tuple[Any, ...]:
     """Return a key of the pad that `choice` makes with `drive`, so that no pad is judged twice."""
     coil = choice.spec.coil
     topology = choice.spec.suspension.topology
-    return choice.layout, choice.channels, topology, coil.reuse, coil.gap_mm, coil.outer_diameter_mm, drive
+    return choice.layout, choice.channels, topology, coil.reuse, coil.gap_mm, coil.sides_mm, drive
 
 
 def _with_bent_beams(tried: Sequence[tuple[Choice, ChoiceFigures]]) -> Iterator[Choice]:

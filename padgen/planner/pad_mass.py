@@ -108,10 +108,9 @@ class PadMass:
         coil = plan.spec.coil
         top = (plan.spec.mover_low_mm - coil.gap_mm) * MM
         low = top - coil.length_mm * MM
-        mean_m = pi * (coil.outer_diameter_mm + coil.inner_diameter_mm) / 2 * MM
-        wire_m = coil.turns * mean_m
+        wire_m = coil.turns * coil.mean_turn_mm * MM
         copper_kg = COPPER_KG_PER_M3 * COPPER_OHM_M * wire_m**2 / coil.resistance_ohm
-        winding_m3 = pi / 4 * (coil.outer_diameter_mm**2 - coil.inner_diameter_mm**2) * coil.length_mm * MM**3
+        winding_m3 = (coil.face_mm2 - coil.bore_mm2) * coil.length_mm * MM**3
         # A wire of another metal than copper would not fit: no winding is heavier than full of copper.
         density = min(copper_kg / winding_m3, COPPER_KG_PER_M3)
         parts = []

@@ -6,7 +6,7 @@ further, until pin or beam meets the coil, or the finger rests on the guard plat
 
 from collections.abc import Iterator
 from dataclasses import replace
-from math import hypot, nan, pi
+from math import nan, pi
 
 from padgen.core.errors import Finding, at_most, number
 from padgen.core.units import MM, MPA
@@ -115,7 +115,7 @@ def _stop(
         x_mm = cosine * at_mm[0] - sine * at_mm[1] + site.origin_mm[0]
         y_mm = sine * at_mm[0] + cosine * at_mm[1] + site.origin_mm[1]
         clear_mm = spec.coil.gap_mm - (spec.recess_depth_mm - spec.washer_or_magnet.thickness_mm)
-        if hypot(x_mm, y_mm) <= spec.coil.outer_diameter_mm / 2:
+        if spec.coil.off_axis_mm((x_mm, y_mm)) <= spec.coil.outer_diameter_mm / 2:
             ways.append((clear_mm, "coil"))
     if not ways:
         return None, None

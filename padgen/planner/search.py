@@ -359,7 +359,9 @@ def _with_sized_beams(spec: Spec, layout: Layout) -> SizedLayout | None:
         return None
     reach_mm = coil_reach_mm(spec) + SLACK_MM
     sites = sites_of(spec, layout, channels)
-    if any(site.coil_distance_mm > reach_mm for site in sites) or snaps(resting(spec, channels, sites)):
+    if any(spec.coil.off_axis_mm(site.washer_mm) > reach_mm for site in sites):
+        return None
+    if snaps(resting(spec, channels, sites)):
         return None
     even = _with_even_pull(spec, layout, channels)
     held = even == layout or not snaps(resting(spec, channels, sites_of(spec, even, channels)))

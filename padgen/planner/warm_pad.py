@@ -5,7 +5,7 @@ the pad is left out; it evens temperatures out. The cold pad's drive table is th
 levels that it leaves.
 """
 
-from math import ceil, pi, sqrt
+from math import ceil, pi, prod, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -152,9 +152,13 @@ def _plates_c(plan: Plan, pad_c: np.ndarray) -> np.ndarray:
         if TURNS[channel.site.along][0] == 0:
             size_mm = size_mm[::-1]
         shares = [
-            _strip_shares(pitch_mm, _coil_side_mm(plan), at_mm, side_mm)
-            for pitch_mm, at_mm, side_mm in zip(
-                (plan.coils.pitch_x_mm, plan.coils.pitch_y_mm), channel.site.washer_mm, size_mm, strict=True
+            _strip_shares(pitch_mm, coil_mm, at_mm, side_mm)
+            for pitch_mm, coil_mm, at_mm, side_mm in zip(
+                (plan.coils.pitch_x_mm, plan.coils.pitch_y_mm),
+                _coil_sides_mm(plan),
+                channel.site.washer_mm,
+                size_mm,
+                strict=True,
             )
         ]
         plates.append(np.einsum("risj,i,j->rs", by_coil, shares[1], shares[0]))
@@ -169,16 +173,21 @@ def _strip_shares(pitch_mm: float, side_mm: float, at_mm: float, long_mm: float)
     return np.asarray((shares + shares[::-1]) / 2)
 
 
-def _coil_side_mm(plan: Plan) -> float:
-    """Return the side in mm of a square as large in area as the round coil, but smaller than the coil's cell."""
-    round_mm = plan.spec.coil.outer_diameter_mm * sqrt(pi) / 2
-    return min(round_mm, 0.98 * min(plan.coils.pitch_x_mm, plan.coils.pitch_y_mm))
+def _coil_sides_mm(plan: Plan) -> tuple[float, float]:
+    """Return the sides in mm of a rectangle as large in area as the coil, but smaller than the coil's cell."""
+    coil = plan.spec.coil
+    share = sqrt(pi) / 2 if coil.shape == "round" else 1.0
+    x_mm, y_mm = (share * side_mm for side_mm in coil.sides_mm)
+    largest_x, largest_y = 0.98 * plan.coils.pitch_x_mm, 0.98 * plan.coils.pitch_y_mm
+    if coil.shape == "round":
+        largest_x = largest_y = min(largest_x, largest_y)
+    return min(x_mm, largest_x), min(y_mm, largest_y)
 
 
 def warm_layers(plan: Plan) -> WarmLayers:
     """Return the thermal grid of a quarter of a plan's pad with its tray or board; the outermost strips are the border.
 
-    Each coil's cell is divided into three by three strips, the coil being a square of its area in the middle.
+    Each coil's cell is divided into three by three strips, the coil being a rectangle of its area in the middle.
     """
     spec = plan.spec
     pad = spec.pad
@@ -203,7 +212,7 @@ def warm_layers(plan: Plan) -> WarmLayers:
     ground = FOAM_W_PER_M_K if spec.mount.kind == "foam" else WOOD_W_PER_M_K
     table = ground * plate_on_half_space(2 * half_m[0], 2 * half_m[1]) / (4 * half_m[0] * half_m[1])
     below = area / (lower.to_table + 1 / table)
-    coil_m2 = (_coil_side_mm(plan) * MM) ** 2
+    coil_m2 = prod(_coil_sides_mm(plan)) * MM**2
     heat = np.where(is_coil, plan.load.copper_loss_w * area / coil_m2, 0.0)
 
     plastic_j_per_m3_k = spec.material.density_g_per_cm3 * G_PER_CM3 * PLASTIC_J_PER_KG_K
@@ -291,12 +300,12 @@ class _Strips(NamedTuple):
 
 def _strips(plan: Plan) -> tuple[_Strips, _Strips]:
     """Return the strips of a plan's thermal grid along x and along y."""
-    side_mm = _coil_side_mm(plan)
+    x_mm, y_mm = _coil_sides_mm(plan)
     grid = plan.coils
     border_mm = plan.spec.pad.border_mm
     return (
-        _quarter(grid.columns, grid.pitch_x_mm, side_mm, border_mm),
-        _quarter(grid.rows, grid.pitch_y_mm, side_mm, border_mm),
+        _quarter(grid.columns, grid.pitch_x_mm, x_mm, border_mm),
+        _quarter(grid.rows, grid.pitch_y_mm, y_mm, border_mm),
     )
 
 

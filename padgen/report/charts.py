@@ -23,6 +23,7 @@ from padgen.report.drawings import (
     draw_pad,
     draw_section,
     pad_corners,
+    rectangle,
     title_of,
 )
 from padgen.report.figures import Figure, Panel, Points, colour_of, figure_names, figures_of
@@ -101,7 +102,7 @@ def draw_to_scale(plan: Plan, figure: Figure) -> Any:
     apart = 1.12 * wide
     area = Outline(first.x.low, first.x.high + apart * (len(figure.panels) - 1), first.y.low, first.y.high)
     # So large that a number of three digits fits into a disc.
-    least = LEAST_DISC_IN * 2.12 * wide / min(mark.diameter for mark in first.marks)
+    least = LEAST_DISC_IN * 2.12 * wide / min(min(mark.diameter, mark.depth or mark.diameter) for mark in first.marks)
     notes = [fill(note, NOTE_LETTERS) for note in figure.notes]
     below = 0.4 + NOTE_LINE_IN * sum(note.count("\n") + 1 for note in notes)
     room = (0.7, 0.3, below, 0.85)
@@ -116,7 +117,11 @@ def draw_to_scale(plan: Plan, figure: Figure) -> Any:
             roomy = bool(mark.names) and mark.diameter > ROOMY_DISC_IN * sheet.mm
             style = {"facecolor": colour_of(mark.role, 0), "edgecolor": colour_of(mark.edge_role, 0)}
             for index, (x, y) in enumerate(np.column_stack([mark.x, mark.y]) + beside):
-                sheet.part(mark.label, [circle(x, y, mark.diameter)], **style)
+                shape = circle(x, y, mark.diameter)
+                if mark.depth is not None:
+                    half = np.array([mark.diameter, mark.depth]) / 2
+                    shape = rectangle(x - half[0], x + half[0], y - half[1], y + half[1])
+                sheet.part(mark.label, [shape], **style)
                 up = 0.08 * sheet.mm if roomy else 0.0
                 sheet.words((x, y + up), mark.numbers[index], fontsize=11 if roomy else SMALL_PT, weight="bold")
                 if roomy:

@@ -18,12 +18,14 @@ from padgen.planner.layout import Outline, coil_axis_mm, corner_groove, outline,
 from padgen.planner.pins import felt_parts
 from padgen.planner.plan import TURNS, Channel, Plan
 from padgen.planner.suspensions import BeamPath, Segment
+from padgen.spec import Coil
 
 __all__ = [
     "NAME_PT",
     "SMALL_PT",
     "Sheet",
     "circle",
+    "coil_outline",
     "draw_exploded",
     "draw_pad",
     "draw_section",
@@ -163,6 +165,14 @@ def rectangle(x0: float, x1: float, y0: float, y1: float) -> Points:
 def circle(x: float, y: float, diameter: float) -> Points:
     """Return points (n, 2) of a circle."""
     return np.stack([x + diameter / 2 * np.cos(CIRCLE), y + diameter / 2 * np.sin(CIRCLE)], -1)
+
+
+def coil_outline(coil: Coil, x: float, y: float, turned: bool = False) -> Points:
+    """Return the outline (n, 2) in mm of a coil about a place; with `turned` in axes of which the first is y."""
+    if coil.shape == "round":
+        return circle(x, y, coil.outer_diameter_mm)
+    half_x, half_y = np.array(coil.sides_mm[:: -1 if turned else 1]) / 2
+    return rectangle(x - half_x, x + half_x, y - half_y, y + half_y)
 
 
 def beam_outline(path: BeamPath, fillet_mm: float) -> Points:
@@ -315,10 +325,11 @@ def draw_section(plan: Plan) -> Any:
     roof = low + washer.thickness_mm
     top = low - coil.gap_mm
     bottom = top - coil.length_mm
-    reach = coil.outer_diameter_mm / 2
-    inner = coil.inner_diameter_mm / 2
     core = coil.core_diameter_mm / 2
     cosine, sine = TURNS[channel.site.along]
+    along = 0 if cosine else 1
+    reach = coil.sides_mm[along] / 2
+    inner = coil.bore_sides_mm[along] / 2
     ahead, aside = channel.site.origin_mm
     coil_x = -cosine * ahead - sine * aside
     coil_y = sine * ahead - cosine * aside
@@ -337,7 +348,7 @@ def draw_section(plan: Plan) -> Any:
     for name in ("frame", "window", "beam", "plate", "boss"):
         drawn = [rectangle(*outline_points)] if name == "frame" else shapes[name]
         sheet.part(f"{name} from above", [shape + up for shape in drawn], facecolor=FILLS[name])
-    below = (("washer", shapes["washer"][0]), ("coil", circle(coil_x, coil_y, 2 * reach)))
+    below = (("washer", shapes["washer"][0]), ("coil", coil_outline(coil, coil_x, coil_y, bool(along))))
     for name, shape in below:
         dashed = {"facecolor": "none", "edgecolor": FILLS[name], "linestyle": (0, (4, 2))}
         sheet.part(f"{name} from above", [shape + up], **dashed).set_clip_path(sheet.axis.patches[0])
@@ -536,12 +547,12 @@ def draw_exploded(plan: Plan) -> Any:
         layers.append(("tray", "1 tray", "printed: sockets that set the gap", [Prism("tray", edges, 0.0, z), *sockets]))
         z += step / 2
     top = z + coil.length_mm
-    windings = prisms("coil", grid, coil.outer_diameter_mm, z, top)
+    windings = [Prism("coil", coil_outline(coil, x, y), z, top) for x, y in grid]
     cores = prisms("core", grid, coil.core_diameter_mm, top)
     coils = [*chain(*zip(windings, cores, strict=True))]
     words = f"{len(grid)} coil{plural(len(grid))}"
     if coil.kind == "board":
-        spirals = prisms("coil", grid, coil.outer_diameter_mm, top)
+        spirals = [Prism("coil", coil_outline(coil, x, y), top, top) for x, y in grid]
         board = [Prism("board", edges, z, top), *spirals]
         layers.append(("board", "1 board", f"printed circuit: {words},\nan amplifier output each", board))
     else:

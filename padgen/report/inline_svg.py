@@ -147,7 +147,13 @@ def _discs(panel: Panel) -> tuple[str, int]:
         style = f'fill="{colour_of(mark.role, 0)}" stroke="{colour_of(mark.edge_role, 0)}"'
         for x, y, number in zip(mark.x, mark.y, mark.numbers, strict=True):
             across, down = at(x, y)
-            parts.append(f'<circle cx="{across}" cy="{down}" r="{round(each * mark.diameter / 2, 1)}" {style}/>')
+            wide = each * mark.diameter
+            if mark.depth is None:
+                parts.append(f'<circle cx="{across}" cy="{down}" r="{round(wide / 2, 1)}" {style}/>')
+            else:
+                high = each * mark.depth
+                corner = f'x="{round(across - wide / 2, 1)}" y="{round(down - high / 2, 1)}"'
+                parts.append(f'<rect {corner} width="{round(wide, 1)}" height="{round(high, 1)}" {style}/>')
             parts.append(_text(across, down + 4, number))
     return "".join(parts), ceil(each * (panel.y.high - panel.y.low))
 

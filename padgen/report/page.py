@@ -331,7 +331,7 @@ def _board_of(plan: Plan) -> dict[str, str] | None:
     if coil.kind != "board":
         return None
     count = plan.coils.rows * plan.coils.columns
-    size = f"{number(coil.outer_diameter_mm)} mm on {coil.layers} layers"
+    size = f"{coil.size_text} on {coil.layers} layers"
     return {
         "part": f"{count} coils of {size}; padgen build --formats board makes its files, and board-parts.csv",
         "step": f"Lay the board under the pad, the side with the names up and its dot under the corner with the groove,"

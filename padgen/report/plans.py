@@ -120,7 +120,7 @@ def _coils_text(plan: "Plan") -> str:
     coils = plan.coils
     text = "1 coil" if coils.rows * coils.columns == 1 else f"{coils.rows} x {coils.columns} coils"
     if plan.spec.coil.kind == "board":
-        return f"{text} of {number(plan.spec.coil.outer_diameter_mm)} mm on a board"
+        return f"{text} of {plan.spec.coil.size_text} on a board"
     return text
 
 

@@ -393,7 +393,7 @@ def _coil_row(coil: Coil, count: int) -> tuple[str, int, str, str]:
     """Return the bill of materials' row for `count` coils: wound coils, or the board that they are printed on."""
     figures = f"{number(coil.resistance_ohm)} ohm {number(coil.inductance_mh)} mH"
     if coil.kind == "board":
-        what = f"{count} coils of {number(coil.outer_diameter_mm)} mm on {coil.layers} layers, {figures} each"
+        what = f"{count} coils of {coil.size_text} on {coil.layers} layers, {figures} each"
         return "board", 1, "pieces", f"{what}; padgen build --formats board makes its files"
     size = f"{number(coil.outer_diameter_mm)} mm diameter {number(coil.length_mm)} mm long"
     return "coil", count, "pieces", f"{coil.name}: {size} {figures}"

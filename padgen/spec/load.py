@@ -203,6 +203,19 @@ def _parts_rules(spec: Spec) -> list[Rule]:
             [{"coil.gap_mm": coil.outer_diameter_mm}],
         ),
         Rule(
+            coil.shape == "round" or coil.kind == "board",
+            "coil.shape",
+            f"must be 'round' of coils of kind {coil.kind!r}, got {coil.shape!r}",
+            [{"coil.shape": "round"}],
+        ),
+        Rule(
+            coil.shape == "round" or spec.mover.kind == "magnet",
+            "coil.shape",
+            f"must be 'round' of coils that pull {spec.mover.kind}s, got {coil.shape!r}: rectangular coils are planned"
+            " with magnets",
+            [{"coil.shape": "round"}, {"magnet": DEFAULT_PARTS["magnet"], "washer": None}],
+        ),
+        Rule(
             coil.sizing == "given" or is_resizable(coil),
             "coil.sizing",
             f"must be 'given' of coils of kind {coil.kind!r}, got {coil.sizing!r}",

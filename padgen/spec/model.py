@@ -5,7 +5,7 @@ entries: a spec names one and may override any of its fields.
 """
 
 from dataclasses import dataclass, field
-from math import ceil, pi, sqrt
+from math import ceil, hypot, pi, sqrt
 from typing import Any
 
 from padgen.core.errors import listed, number
@@ -389,8 +389,8 @@ class MoverTable:
 class Coil:
     """A coil on an optional core, with its top `gap_mm` below the washers of a pad that does not sag.
 
-    `gap_mm`, `reuse` and a board coil's diameter may be left to the search (None, 'auto', `sizing` 'auto'); the spec in
-    a plan has the values found.
+    `gap_mm`, `reuse` and a board coil's sizes may be left to the search (None, 'auto', `sizing` 'auto'); the spec in a
+    plan has the values found.
     """
 
     name: str = entry_name(doc="name in the catalogue")
@@ -444,6 +444,61 @@ class Coil:
         of=("series", "parallel"),
         doc="layers of a board coil in series, or its upper and its lower ones each in parallel",
     )
+    shape: str = choice(
+        "round",
+        of=("round", "rectangular"),
+        doc="of a board coil's spirals; of a rectangular one outer_diameter_mm is the size along x",
+    )
+    outer_depth_mm: float | None = quantity(
+        None, unit="mm", low=0.5, high=200, doc="outer size along y of a rectangular board coil"
+    )
+    connector: str = text("", doc="what the coils of a board are plugged to (connectors.csv)")
+
+    @property
+    def sides_mm(self) -> tuple[float, float]:
+        """Outer size in mm along x and along y; twice the diameter of a round coil."""
+        return self.outer_diameter_mm, self.outer_depth_mm or self.outer_diameter_mm
+
+    @property
+    def size_text(self) -> str:
+        """How wide the coil is, as text: its diameter, or the sides of a rectangular one."""
+        sides_mm = self.sides_mm[:1] if self.shape == "round" else self.sides_mm
+        return " x ".join(map(number, sides_mm)) + " mm"
+
+    def off_axis_mm(self, place_mm: tuple[float, float]) -> float:
+        """Return how far off the axis a place in mm lies.
+
+        Off a rectangular coil that is along x, or along y in proportion to its sides, whichever is more.
+        """
+        if self.shape == "round":
+            return hypot(*place_mm)
+        width_mm, depth_mm = self.sides_mm
+        return max(abs(place_mm[0]), abs(place_mm[1]) * width_mm / depth_mm)
+
+    @property
+    def face_mm2(self) -> float:
+        """Area in mm² that the coil covers, cut corners and all."""
+        x, y = self.sides_mm
+        return pi / 4 * x * y if self.shape == "round" else x * y
+
+    @property
+    def bore_mm2(self) -> float:
+        """Area in mm² of the winding's bore."""
+        x, y = self.bore_sides_mm
+        return pi / 4 * x * y if self.shape == "round" else x * y
+
+    @property
+    def mean_turn_mm(self) -> float:
+        """Length in mm of a turn half way between the bore and the outside, corners counted as sharp."""
+        mean_mm = (sum(self.sides_mm) + sum(self.bore_sides_mm)) / 2
+        return pi / 2 * mean_mm if self.shape == "round" else 2 * mean_mm
+
+    @property
+    def bore_sides_mm(self) -> tuple[float, float]:
+        """Size in mm of the winding's bore along x and along y."""
+        x, y = self.sides_mm
+        winding_mm = min(x, y) - self.inner_diameter_mm
+        return x - winding_mm, y - winding_mm
 
     @property
     def sets(self) -> int:

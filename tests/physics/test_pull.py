@@ -282,6 +282,11 @@ def test_a_table_of_one_offset_knows_how_far_its_derivatives_are_off():
     assert off[2] > 0.5 * bend[2], "harmless here"
 
 
+def along_x(offset):
+    """Return places (n, 2) along x at offsets (n,)."""
+    return np.stack([offset, np.zeros_like(offset)], -1)
+
+
 def test_the_tables_that_padgen_brings_are_those_of_its_parts(monkeypatch):
     """Tables match at the templates' washers (1.1 % off at 0.4 mm); else run `docs/measure_force.py tables`."""
 
@@ -294,13 +299,13 @@ def test_the_tables_that_padgen_brings_are_those_of_its_parts(monkeypatch):
         plan = make_plan(spec)
         gap = hanging_gap_um(spec, np.array([c.sag_um for c in plan.channels])) * UM
         offset = np.array([c.site.coil_distance_mm for c in plan.channels]) * MM
-        found = mover_of(spec).pulls(spec.coil, spec.washer_or_magnet, gap, offset)
+        found = mover_of(spec).pulls(spec.coil, spec.washer_or_magnet, gap, along_x(offset))
         solved = solved_pulls(*magnetic_parts(spec), gap, offset)
         assert found.pull == pytest.approx(solved.pull, rel=0.003)
         assert found.slope == pytest.approx(solved.slope, rel=0.04)
         assert (np.abs(found.pull / solved.pull - 1) <= found.error).all()
     offset = np.linspace(0.3, 5.3, 8) * MM
-    found = mover_of(spec).pulls(spec.coil, spec.washer_or_magnet, np.full(8, 0.4 * MM), offset).pull
+    found = mover_of(spec).pulls(spec.coil, spec.washer_or_magnet, np.full(8, 0.4 * MM), along_x(offset)).pull
     solved = np.array([-pull(*magnetic_parts(spec), 0.4 * MM, place).axial for place in offset])
     assert found == pytest.approx(solved, rel=0.01)
 
@@ -314,7 +319,7 @@ def test_parts_of_ones_own_are_solved_once_and_kept(tmp_path, monkeypatch):
     offset = np.array([4.0, 4.0, 4.0, 0.0]) * MM
     washers._solved_table.cache_clear()
     washers._table_beside.cache_clear()
-    found = mover_of(spec).pulls(spec.coil, spec.washer_or_magnet, gap, offset)
+    found = mover_of(spec).pulls(spec.coil, spec.washer_or_magnet, gap, along_x(offset))
     solved = solved_pulls(*magnetic_parts(spec), gap, offset)
     assert found.pull == pytest.approx(solved.pull, rel=2e-3)
     assert found.slope == pytest.approx(solved.slope, rel=0.05)
@@ -325,7 +330,7 @@ def test_parts_of_ones_own_are_solved_once_and_kept(tmp_path, monkeypatch):
         raise AssertionError("is in the cache")
 
     monkeypatch.setattr(washers, "make_table", never)
-    assert mover_of(spec).pulls(spec.coil, spec.washer_or_magnet, gap, offset).pull == pytest.approx(
+    assert mover_of(spec).pulls(spec.coil, spec.washer_or_magnet, gap, along_x(offset)).pull == pytest.approx(
         found.pull, rel=1e-12
     )
 

@@ -261,7 +261,7 @@ def test_force_per_ampere_is_that_of_thin_loops_on_a_cloud_of_dipoles(pad):
     disc = magnet.magnet_of(part)
     gap_m = 1.0 * MM
     offset_m = 2.0 * MM
-    found = magnet.pulls(coil, part, np.array([gap_m]), np.array([offset_m])).pull[0]
+    found = magnet.pulls(coil, part, np.array([gap_m]), np.array([[offset_m, 0.0]])).pull[0]
     radius = (np.arange(40) + 0.5) / 40 * (coil.outer_diameter_mm - coil.inner_diameter_mm) / 2 * MM
     radius = radius + coil.inner_diameter_mm / 2 * MM
     height = -(np.arange(20) + 0.5) / 20 * coil.length_mm * MM
@@ -297,8 +297,8 @@ def test_a_toy_mover_is_one_object(pad):
         remanent_currents = staticmethod(washer.remanent_currents)
 
         @staticmethod
-        def pulls(coil, part, gap_m, offset_m):
-            whole = washer.pulls(coil, part, gap_m, offset_m)
+        def pulls(coil, part, gap_m, place_m):
+            whole = washer.pulls(coil, part, gap_m, place_m)
             return whole._replace(
                 pull=whole.pull / 2, side=whole.side / 2, moment=whole.moment / 2, slope=whole.slope / 2
             )

@@ -10,6 +10,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.spatial import KDTree
 
 import padgen as pg
 from padgen.core.errors import InfeasibleError
@@ -128,10 +129,9 @@ def test_tracks_to_the_pins_keep_clear_of_the_turns(plan, wiring, house):
         ways = [track for track in own if track.middle_mm is None]
         leads = ways[1 + (wiring == "parallel") :]
         assert len(leads) >= 3
-        copper = np.concatenate([points_of(track, 0.02) for track in turns])
+        copper = KDTree(np.concatenate([points_of(track, 0.02) for track in turns]))
         for lead in leads:
-            way = points_of(lead, 0.02)
-            apart = np.linalg.norm(way[:, None] - copper, axis=-1).min()
+            apart = copper.query(points_of(lead, 0.02))[0].min()
             assert apart - (lead.width_mm + of_coil.track_mm) / 2 > of_coil.space_mm - 0.005, (net, layer, lead)
 
 

@@ -107,7 +107,8 @@ def test_beams_that_print_with_nothing_left_are_refused(printer, drawn_mm, key, 
 
 def pulled(table, gap_m, offset_m):
     spec = make_spec(table)
-    return mover_of(spec).pulls(spec.coil, spec.washer_or_magnet, gap_m, offset_m)
+    places_m = np.stack([offset_m, np.zeros_like(offset_m)], -1)
+    return mover_of(spec).pulls(spec.coil, spec.washer_or_magnet, gap_m, places_m)
 
 
 @pytest.mark.parametrize("coil", sorted(catalogue("coil")))

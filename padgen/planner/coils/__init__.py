@@ -9,9 +9,9 @@ round an optional core. Everything else about a coil is the same for every kind,
 | `completed(given)` | the coil of the fields of a `[coil]` table, with those that follow from others |
 | `given_fields(coil)` | the fields of which `completed` makes this coil, for cures that change one of them |
 | `beside_mm(coil, rows)` | the gaps in mm that coils need between them, along x and along y |
-| `widest_mm(coil, pad, rows, columns)` | the largest diameter in mm for which the pad has room |
-| `narrowest_mm(coil)` | the least diameter in mm of such a coil |
-| `resized(coil, outer_diameter_mm)` | the same coil with another diameter: of kinds with this the search finds it |
+| `widest_mm(coil, pad, rows, columns)` | the largest sides in mm, along x and y, for which the pad has room |
+| `narrowest_mm(coil)` | the least side in mm of such a coil |
+| `resized(coil, sides_mm)` | the same coil with other sides: of kinds with this the search finds them |
 """
 
 from typing import Protocol

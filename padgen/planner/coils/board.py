@@ -26,6 +26,7 @@ from padgen.physics.board_coil import (
     board_layers,
     board_source,
     bore_needed,
+    corner_leg,
     heat_limit,
     inductance,
     resistance,
@@ -104,6 +105,7 @@ def board_coil(coil: Coil) -> BoardCoil:
         copper=copper,
         depth=depth,
         parallel=coil.wiring == "parallel" and coil.layers > 2,
+        outer_depth=0.0 if coil.shape == "round" else coil.sides_mm[1] * MM,
     )
 
 
@@ -113,19 +115,23 @@ def beside_mm(coil: Coil, rows: int) -> tuple[float, float]:
     return rows * coil.track_mm + (rows + 1) * coil.space_mm, 2 * coil.space_mm
 
 
-def widest_mm(coil: Coil, pad: PadTable, rows: int, columns: int) -> float:
-    """Return the largest outer diameter in mm with which coils, tracks and screws have room on the board of a pad."""
+def widest_mm(coil: Coil, pad: PadTable, rows: int, columns: int) -> tuple[float, float]:
+    """Return the largest sides in mm of coils with which coils, tracks and screws have room on the board of a pad."""
     beside_x, beside_y = beside_mm(coil, rows)
     pitch_x = pad.width_mm / columns
     # The tracks of the last column pass between its coils and the screws' heads.
     before_screws = pitch_x + pad.border_mm - pad.hole_diameter_mm - 2 * HEAD_MM - 2 * beside_x
-    return min(pitch_x - beside_x, before_screws, pad.depth_mm / rows - beside_y)
+    x_mm = min(pitch_x - beside_x, before_screws)
+    y_mm = pad.depth_mm / rows - beside_y
+    return (x_mm, y_mm) if coil.shape == "rectangular" else (min(x_mm, y_mm),) * 2
 
 
 def narrowest_mm(coil: Coil) -> float:
-    """Return the outer diameter in mm that has room for a turn on every layer round a coil's bore."""
+    """Return the least side in mm that has room for a turn on every layer round a coil's bore."""
     board = board_coil(coil)
-    return coil.inner_diameter_mm + 2 * (2 * board.pitch + board.track) / MM
+    turn_mm = coil.inner_diameter_mm + 2 * (2 * board.pitch + board.track) / MM
+    # The cuts of two corners leave some of each side.
+    return turn_mm if board.is_round else max(turn_mm, 2 * (corner_leg(board) + board.track) / MM)
 
 
 def given_fields(coil: Coil) -> dict[str, Any]:
@@ -134,20 +140,23 @@ def given_fields(coil: Coil) -> dict[str, Any]:
     follow = _of_house(house_of(coil)) | {"inner_diameter_mm": _bore_mm(coil), "power_limit_w": heat_limit(board)}
     worked_out = {*WORKED_OUT, "sizing", *(key for key, value in follow.items() if getattr(coil, key) == value)}
     if coil.sizing == "auto":
-        worked_out.add("outer_diameter_mm")
+        worked_out |= {"outer_diameter_mm", "outer_depth_mm"}
     return {key: value for key, value in asdict(coil).items() if value is not None and key not in worked_out}
 
 
 @lru_cache(maxsize=1024)
-def resized(coil: Coil, outer_diameter_mm: float) -> Coil:
-    """Return a board coil of another outer diameter, with the figures that follow from it.
+def resized(coil: Coil, sides_mm: tuple[float, float]) -> Coil:
+    """Return a board coil with other sides along x and y, and the figures that follow from them.
 
     Raises
     ------
     SpecError
         There is no room for a turn on every layer.
     """
-    return completed(given_fields(coil) | {"outer_diameter_mm": outer_diameter_mm})
+    sides = {"outer_diameter_mm": sides_mm[0]}
+    if coil.shape == "rectangular":
+        sides["outer_depth_mm"] = sides_mm[1]
+    return completed(given_fields(coil) | sides)
 
 
 def _of_house(house: dict[str, Any]) -> dict[str, Any]:
@@ -174,7 +183,7 @@ def completed(given: dict[str, Any]) -> Coil:
     """
     unknown = dict.fromkeys((*WORKED_OUT, "inner_diameter_mm", "length_mm"), 1.0)
     air = {"core_diameter_mm": 0.0, "core_relative_permeability": 1.0, "core_coercivity_a_per_m": 0.0}
-    stated = {key: value for key, value in given.items() if key not in WORKED_OUT}
+    stated = {key: value for key, value in given.items() if key not in WORKED_OUT} | _depth(given)
     coil: Coil = build(Coil, stated, "coil", {**DEFAULTS, **unknown, **air})
     house = house_of(coil)
     values = _of_house(house) | stated | {"sizing": _sizing(given)}
@@ -186,6 +195,7 @@ def completed(given: dict[str, Any]) -> Coil:
         coil = build(Coil, values, "coil", {**DEFAULTS, **unknown, **air})
     if coil.sizing == "auto" and coil.outer_diameter_mm < narrowest_mm(coil):
         values["outer_diameter_mm"] = float(at_least(narrowest_mm(coil)))
+        values |= _depth(values)
         coil = build(Coil, values, "coil", {**DEFAULTS, **unknown, **air})
     _refuse_room(coil, bore_mm)
     board = board_coil(coil)
@@ -208,6 +218,32 @@ def completed(given: dict[str, Any]) -> Coil:
     values.setdefault("power_limit_w", heat_limit(board))
     made: Coil = build(Coil, values, "coil", {**DEFAULTS, **air})
     return made
+
+
+def _depth(given: dict[str, Any]) -> dict[str, Any]:
+    """Return the `outer_depth_mm` of a `[coil]` table: that of a rectangular coil, by default as deep as it is wide.
+
+    Raises
+    ------
+    SpecError
+        A round coil has one, or one is given alone.
+    """
+    depth_mm = given.get("outer_depth_mm")
+    if given.get("shape", "round") != "rectangular":
+        if depth_mm is not None:
+            raise SpecError(
+                f"is of coils whose coil.shape is 'rectangular', got {shown(depth_mm)} mm",
+                "coil.outer_depth_mm",
+                [{"coil.outer_depth_mm": None}, {"coil.shape": "rectangular"}],
+            )
+        return {}
+    if depth_mm is not None and "outer_diameter_mm" not in given:
+        raise SpecError(
+            f"takes coil.outer_diameter_mm, the size along x, which is not given, got {shown(depth_mm)} mm",
+            "coil.outer_depth_mm",
+            [{"coil.outer_depth_mm": None}, {"coil.outer_diameter_mm": depth_mm}],
+        )
+    return {"outer_depth_mm": depth_mm or given.get("outer_diameter_mm", DEFAULTS["outer_diameter_mm"])}
 
 
 def _sizing(given: dict[str, Any]) -> str:
@@ -278,15 +314,21 @@ def _refuse_room(coil: Coil, bore_mm: float) -> None:
             [{"coil.inner_diameter_mm": None}],
         )
     board = board_coil(coil)
-    if min(layer.turns for layer in board_layers(board)) < LEAST_TURNS:
+    too_narrow = min(coil.sides_mm) < narrowest_mm(coil) and not board.is_round
+    if too_narrow or min(layer.turns for layer in board_layers(board)) < LEAST_TURNS:
         needed_mm = narrowest_mm(coil)
-        narrower_mm = coil.outer_diameter_mm - (needed_mm - coil.inner_diameter_mm)
-        cures: list[dict[str, Any]] = [{"coil.outer_diameter_mm": float(at_least(needed_mm))}]
+        width_mm, depth_mm = coil.sides_mm
+        where = "coil.outer_depth_mm" if depth_mm < width_mm else "coil.outer_diameter_mm"
+        side_mm = min(width_mm, depth_mm)
+        narrower_mm = side_mm - (needed_mm - coil.inner_diameter_mm)
+        cures: list[dict[str, Any]] = [{where: float(at_least(needed_mm))}]
+        if depth_mm == width_mm < needed_mm and not board.is_round:
+            cures = [dict.fromkeys(("coil.outer_diameter_mm", "coil.outer_depth_mm"), float(at_least(needed_mm)))]
         if narrower_mm > bore_mm:
             cures.append({"coil.inner_diameter_mm": float(at_most(narrower_mm))})
         raise SpecError(
             f"must be at least {at_least(needed_mm)} mm for a turn on every layer round a bore of"
-            f" {number(coil.inner_diameter_mm)} mm, got {number(coil.outer_diameter_mm)} mm",
-            "coil.outer_diameter_mm",
+            f" {number(coil.inner_diameter_mm)} mm, got {number(side_mm)} mm",
+            where,
             cures,
         )

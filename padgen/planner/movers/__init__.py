@@ -31,8 +31,8 @@ class Mover(Protocol):
     PART: str
     """The table of a spec that has its size and mass: ``"washer"`` or ``"magnet"``."""
 
-    def pulls(self, coil: Coil, part: Any, gap_m: np.ndarray, offset_m: np.ndarray, *hung: Ballast) -> PullAt:
-        """Return pulls (n,) per A or A² at gaps (n,) in m over the coil's top, offsets (n,) in m from its axis."""
+    def pulls(self, coil: Coil, part: Any, gap_m: np.ndarray, place_m: np.ndarray, *hung: Ballast) -> PullAt:
+        """Return pulls (n,) per A or A² at gaps (n,) in m over the coil's top, places (n, 2) in m from its axis."""
 
     def leakage(
         self, coil: Coil, part: Any, place_m: np.ndarray, next_m: np.ndarray, far_m: np.ndarray, *hung: Ballast

@@ -65,18 +65,28 @@ def demagnetising_limit_c(part: Magnet) -> float:
 LEAST_SHARE = 0.05
 """Share of the pull on the coil's axis below which a place is out of the coil's reach: it would take 20 times the
 current."""
-REACH_PLACES = 40
+REACH_PLACES = {"round": 40, "rectangular": 14}
 USUAL_GAP_MM = 1.0
-"""Number of offsets at which the reach is looked for, and the gap where it is still to be found."""
+"""Number of offsets at which the reach is looked for, in one direction or in three, and the gap where it is still to be
+found."""
 
 
 @lru_cache(maxsize=256)
 def reach_m(coil: Coil, part: Magnet) -> float:
-    """Return how far off its axis, in m, a coil still pulls a magnet with `LEAST_SHARE` of its pull on the axis."""
+    """Return how far off its axis, in m, a coil still pulls a magnet with `LEAST_SHARE` of its pull on the axis.
+
+    Of a rectangular coil it is so far along x, and as far along y and to its corners in proportion to its sides.
+    """
     gap_m = (coil.gap_mm or USUAL_GAP_MM) * MM
-    offset_m = np.linspace(0.0, (coil.outer_diameter_mm + part.outer_diameter_mm) / 2 * MM, REACH_PLACES)
-    share = magnet_pull(coil_source(coil), magnet_of(part), np.full(REACH_PLACES, gap_m), offset_m).force
-    share = share / share[0]
+    last_m = (coil.outer_diameter_mm + part.outer_diameter_mm) / 2 * MM
+    offset_m = np.linspace(0.0, last_m, REACH_PLACES[coil.shape])
+    width_mm, depth_mm = coil.sides_mm
+    ways = [(1.0, 0.0)]
+    if coil.shape == "rectangular":
+        ways += [(0.0, depth_mm / width_mm), (1.0, depth_mm / width_mm)]
+    places_m = np.concatenate([np.multiply.outer(offset_m, way) for way in ways])
+    force = magnet_pull(coil_source(coil), magnet_of(part), np.full(len(places_m), gap_m), places_m).force
+    share = (force / force[0]).reshape(len(ways), -1).min(0)
     low = share < LEAST_SHARE
     if not low.any():
         return float(offset_m[-1])
@@ -97,10 +107,10 @@ def steel_on(ballast: Ballast | None) -> SteelRing | None:
     return SteelRing(*sizes, ballast.relative_permeability)
 
 
-def pulls(coil: Coil, part: Magnet, gap_m: np.ndarray, offset_m: np.ndarray, ballast: Ballast | None = None) -> PullAt:
-    """Return the pulls (n,) per A on magnets at gaps (n,) in m above the coil and offsets (n,) in m off its axis."""
+def pulls(coil: Coil, part: Magnet, gap_m: np.ndarray, place_m: np.ndarray, ballast: Ballast | None = None) -> PullAt:
+    """Return the pulls (n,) per A on magnets at gaps (n,) in m above the coil and places (n, 2) in m off its axis."""
     steel = steel_on(ballast)
-    pulled = magnet_pull(coil_source(coil), magnet_of(part), gap_m, offset_m, steel)
+    pulled = magnet_pull(coil_source(coil), magnet_of(part), gap_m, place_m, steel)
     of_grade = (part.remanence_high_t - part.remanence_low_t) / (part.remanence_high_t + part.remanence_low_t)
     off = np.divide(pulled.error, np.abs(pulled.force), out=np.ones(len(gap_m)), where=pulled.force != 0)
     none = np.zeros(len(gap_m))
@@ -114,6 +124,8 @@ def pulls(coil: Coil, part: Magnet, gap_m: np.ndarray, offset_m: np.ndarray, bal
         slope_off=pulled.slope_error,
         bend_off=BEND_OVER_SLOPE * pulled.slope_error / gap_m,
         dipole=none,
+        side_across=pulled.side_across,
+        moment_across=pulled.moment_across,
     )
 
 
@@ -145,11 +157,12 @@ def leakage(
     magnet = magnet_of(part)
     gap_m = coil.gap_mm * MM
     steel = steel_on(ballast)
-    pulled = magnet_pull(source, magnet, np.full(len(place_m), gap_m), np.hypot(*place_m.T), steel).force
-    away = np.linalg.norm(place_m[:, None] - np.concatenate([next_m, far_m]), axis=-1)
-    heard = magnet_pull(source, magnet, np.full(away.size, gap_m), away.ravel(), steel).force.reshape(away.shape)
-    share = heard / np.where(pulled == 0, np.inf, pulled)[:, None]
-    return Leakage(share[..., None] * np.eye(away.shape[1]), np.zeros(away.shape))
+    pulled = magnet_pull(source, magnet, np.full(len(place_m), gap_m), place_m, steel).force
+    away = place_m[:, None] - np.concatenate([next_m, far_m])
+    count = away.shape[0] * away.shape[1]
+    heard = magnet_pull(source, magnet, np.full(count, gap_m), away.reshape(count, 2), steel).force
+    share = heard.reshape(away.shape[:2]) / np.where(pulled == 0, np.inf, pulled)[:, None]
+    return Leakage(share[..., None] * np.eye(away.shape[1]), np.zeros(away.shape[:2]))
 
 
 def remanent_currents(coil: Coil, part: Magnet, share: float, offset_m: np.ndarray) -> np.ndarray:

@@ -66,8 +66,9 @@ def magnetic_parts(spec: Spec) -> tuple[CoilSource, SteelRing]:
     return coil_source(spec.coil), steel_ring(spec.washer, spec.ballast)
 
 
-def pulls(coil: Coil, part: Washer, gap_m: np.ndarray, offset_m: np.ndarray, ballast: Ballast | None = None) -> PullAt:
-    """Return pulls (n,) per A² of coil current on washers at gaps (n,) and off-axis offsets (n,) in m from the coil."""
+def pulls(coil: Coil, part: Washer, gap_m: np.ndarray, place_m: np.ndarray, ballast: Ballast | None = None) -> PullAt:
+    """Return pulls (n,) per A² of coil current on washers at gaps (n,) over the coil and places (n, 2) off its axis."""
+    offset_m = np.hypot(*place_m.T)
     source = coil_source(coil)
     washer = steel_ring(part, ballast)
     one = of_one_turn(source)

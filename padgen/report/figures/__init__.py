@@ -170,6 +170,7 @@ class Matrix:
 class Discs:
     """Circles of one diameter, to scale, each with a number and, where there is room, a name (see `names_note`).
 
+    With a `depth` they are rectangles of that size along y, and as wide as their diameter.
     All that is to scale has axes of one unit, which are not drawn.
     """
 
@@ -182,6 +183,7 @@ class Discs:
     numbers: tuple[str, ...]
     names: tuple[str, ...] = ()
     names_note: str = ""
+    depth: float | None = None
 
 
 @dataclass(frozen=True)

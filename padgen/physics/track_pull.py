@@ -1,0 +1,163 @@
+"""Pull on a small magnet of a coil of straight tracks: by the forces on the tracks in the magnet's own field.
+
+The field of a disc or ring magnet, with any steel on top of it, is axisymmetric, a sum of Bessel functions as in
+`physics.magnet_pull`: with the spectrum of its energy `faces` it is at the radius ρ, a depth z below the magnet
+
+    A_φ = ∫ faces J₁(kρ) exp(−kz) dk / 4π,   B_z = ∫ k faces J₀(kρ) exp(−kz) dk / 4π
+
+per ampere of a coil's current. The energy of a loop is the line integral of A along it, its slope with a shift of the
+magnet that of B_z. Both are tabulated over the radius, summed over the layers, and integrated along every loop. Far
+from the coil its sides take few points.
+
+SI units.
+"""
+
+from functools import lru_cache
+from math import asinh, ceil, pi
+from typing import NamedTuple
+
+import numpy as np
+
+from padgen.physics.magnetics import BLOCK, LoopSides, RectangularWinding, gauss
+from padgen.physics.magnets import bessel
+from padgen.physics.rectangular_spiral import loop_segments
+
+__all__ = ["MagnetWaves", "TrackPulls", "track_pulls"]
+
+STEP = 0.02
+"""Step of asinh(ρ/ρ₀) in the tables, ρ₀ being the smallest gap for which the spectrum holds."""
+ALONG = 6
+"""Gauss points on a piece of a side."""
+PIECE = 2.0
+"""Most length of a piece over the distance of the magnet from the tracks."""
+TRACK_SHARE = 0.015
+"""Error of forces over that on the coil's axis: closed loops are not quite spirals (docs/boards.md)."""
+
+
+class MagnetWaves(NamedTuple):
+    """A magnet's spectra: wave numbers k (K,) in 1/m, `faces` of its energy, `turned` of its moment, with weights.
+
+    They hold for gaps of `least_gap` and more, at radii of up to `reach`, in m.
+    """
+
+    k: np.ndarray
+    faces: np.ndarray
+    turned: np.ndarray
+    least_gap: float
+    reach: float
+
+
+class TrackPulls(NamedTuple):
+    """Per ampere, at n places: `force` towards the coil in N, its `slope` with the gap, and sideways vectors (n, 2).
+
+    `side` is the force in N along x and y; `lowering` in N m is the moment about the middle of the magnet's underside,
+    as a vector along which the magnet is tilted down. `error` bounds that of the force, `slope_error` of the slope.
+    """
+
+    force: np.ndarray
+    slope: np.ndarray
+    side: np.ndarray
+    lowering: np.ndarray
+    error: np.ndarray
+    slope_error: np.ndarray
+
+
+class _Pieces(NamedTuple):
+    """The loops of all layers as straight pieces: starts (n, 2), ways (n, 2) in m, and turns (n,) that they stand for.
+
+    All have the current of all layers, so that a turn that is there on one of four layers stands for a quarter.
+    """
+
+    start: np.ndarray
+    way: np.ndarray
+    turns: np.ndarray
+
+
+@lru_cache(maxsize=64)
+def _pieces(windings: tuple[RectangularWinding, ...]) -> _Pieces:
+    turns: dict[LoopSides, float] = {}
+    whole = sum(winding.share for winding in windings)
+    for winding in windings:
+        for loop, part in zip(winding.outlines, winding.parts, strict=True):
+            turns[loop] = turns.get(loop, 0.0) + part * winding.share / whole
+    segments = [loop_segments(loop) for loop in turns]
+    ends = np.concatenate(segments)
+    of_loop = np.repeat(list(turns.values()), [len(each) for each in segments])
+    return _Pieces(ends[:, 0], ends[:, 1] - ends[:, 0], of_loop)
+
+
+def track_pulls(
+    windings: tuple[RectangularWinding, ...], waves: MagnetWaves, gap: np.ndarray, place: np.ndarray
+) -> TrackPulls:
+    """Return pulls of a coil of straight tracks on a magnet `gap` (n,) m above it, at `place` (n, 2) m off its axis."""
+    pieces = _pieces(windings)
+    outer = windings[0].outlines[0]
+    outside = np.hypot(*(np.maximum(np.abs(place) - (outer.x, outer.y), 0).T))
+    result = np.zeros((6, len(gap)))
+    error = np.zeros((2, len(gap)))
+    for height in sorted(set(gap.tolist())):
+        table = _table(windings, waves, height)
+        here = gap == height
+        on_axis = _along_loops(pieces, table, waves.least_gap, PIECE * height, np.zeros((1, 2)))
+        error[:, here] = TRACK_SHARE * np.abs(on_axis[:2])
+        # Places as far from the tracks, to a factor of two, share their points along the tracks.
+        octave = np.floor(np.log2(np.hypot(outside, height) / height))
+        for step in sorted(set(octave[here].tolist())):
+            alike = np.flatnonzero(here & (octave == step))
+            longest = PIECE * height * 2**step
+            result[:, alike] = _along_loops(pieces, table, waves.least_gap, longest, place[alike])
+    force, slope, side_x, side_y, low_x, low_y = result
+    return TrackPulls(force, slope, np.stack([side_x, side_y], -1), np.stack([low_x, low_y], -1), *error)
+
+
+@lru_cache(maxsize=16)
+def _round_waves(k: bytes, least_gap: float, reach: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return J₀(kρ) and J₁(kρ)/ρ (points, K) at even steps of asinh(ρ/`least_gap`) up to the radius `reach`."""
+    wave = np.frombuffer(k)
+    rho = least_gap * np.sinh(STEP * np.arange(ceil(asinh(reach / least_gap) / STEP) + 2))
+    zeroth, first = bessel(rho[:, None] * wave, 1)
+    first[0] = wave / 2
+    first[1:] /= rho[1:, None]
+    return zeroth, first
+
+
+def _table(windings: tuple[RectangularWinding, ...], waves: MagnetWaves, gap: float) -> np.ndarray:
+    """Return the integrands (points, 4): of the force and its slope, over ρ, and of side force and moment."""
+    k = waves.k
+    zeroth, first_over_rho = _round_waves(k.tobytes(), waves.least_gap, waves.reach)
+    by_depth = np.zeros_like(k)
+    for winding in windings:
+        length = k * winding.length
+        by_depth += winding.share * np.exp(k * (winding.top - gap)) * -np.expm1(-length) / length
+    faces = waves.faces * by_depth / (4 * pi)
+    across = first_over_rho @ np.stack([-k * faces, k * k * faces], -1)
+    along = zeroth @ np.stack([k * faces, waves.turned * by_depth / (4 * pi)], -1)
+    return np.concatenate([across, along], 1)
+
+
+def _along_loops(pieces: _Pieces, table: np.ndarray, scale: float, longest: float, place: np.ndarray) -> np.ndarray:
+    """Return the sums (6, n) along all loops: force, slope, and side force and moment along x and y.
+
+    No piece of a side is longer than `longest` m; `scale` is the ρ₀ of the table's steps.
+    """
+    count = np.ceil(np.hypot(*pieces.way.T) / longest).astype(int)
+    at, weight = gauss(ALONG)
+    of = np.repeat(np.arange(len(count)), count)
+    first = np.arange(len(of)) - np.repeat(np.cumsum(count) - count, count)
+    share = (first[:, None] + at) / count[of][:, None]
+    points = (pieces.start[of][:, None] + share[..., None] * pieces.way[of][:, None]).reshape(-1, 2)
+    step = (((pieces.turns / count)[of][:, None] * weight)[..., None] * pieces.way[of][:, None]).reshape(-1, 2)
+    sums = np.empty((6, len(place)))
+    some = max(BLOCK // len(points), 1)
+    for begin in range(0, len(place), some):
+        block = slice(begin, begin + some)
+        x, y = np.moveaxis(points - place[block, None], -1, 0)
+        steps = np.arcsinh(np.hypot(x, y) / scale) / STEP
+        low = steps.astype(int)
+        below = table[low]
+        values = below + (steps - low)[..., None] * (table[low + 1] - below)
+        lever = x * step[:, 1] - y * step[:, 0]
+        sums[:2, block] = np.einsum("npk,np->kn", values[..., :2], lever)
+        along_x, along_y = np.einsum("npk,pj->jkn", values[..., 2:], step)
+        sums[2:, block] = along_y[0], -along_x[0], -along_y[1], along_x[1]
+    return sums
