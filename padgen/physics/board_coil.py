@@ -24,14 +24,15 @@ from typing import NamedTuple
 import numpy as np
 
 from padgen.core.units import COPPER_OHM_M
-from padgen.physics.magnetics import BLOCK, MU_0, CoilSource, RectangularWinding, Winding, gauss, toroidal
+from padgen.physics.magnetics import BLOCK, MU_0, CoilSource, LoopSides, RectangularWinding, Winding, gauss, toroidal
 from padgen.physics.rectangular_spiral import (
-    LoopSides,
+    Loops,
     inductance_of_loops,
     loop_segments,
     loops_between,
     spiral_path,
     squares_saved,
+    turn_inside,
 )
 
 __all__ = [
@@ -310,14 +311,20 @@ def inductance(coil: BoardCoil) -> float:
     return between + float(alone.sum())
 
 
+def _loops_of(coil: BoardCoil, layer: BoardLayer) -> Loops:
+    """Return the loops that stand for a layer's turns: where those of all layers lie on the mean."""
+    ends = [(round(each.end_angle * 4 / pi), each.sense) for each in board_layers(coil)]
+    inside = LoopSides(*np.mean([turn_inside(*end) for end in ends], axis=0).tolist())
+    return loops_between(coil.outline.inside(coil.track / 2), coil.pitch, layer.turns, inside)
+
+
 def _inductance_of_rectangles(coil: BoardCoil) -> float:
     share = layer_current_shares(coil)
-    outer = coil.outline.inside(coil.track / 2)
     segments = []
     of_layer = []
     flow = []
     for k, layer in enumerate(board_layers(coil)):
-        loops = loops_between(outer, coil.pitch, layer.turns)
+        loops = _loops_of(coil, layer)
         for outline, part in zip(loops.outlines, loops.parts, strict=True):
             pieces = loop_segments(outline)
             segments.append(pieces)
@@ -335,7 +342,8 @@ def board_source(coil: BoardCoil) -> CoilSource:
     A round one is uniform, a model valid from some track pitches away on; a rectangular one has its turns as loops.
     """
     share = layer_current_shares(coil)
-    windings: list[Winding | RectangularWinding] = []
+    windings = []
+    tracks = []
     for k, layer in enumerate(board_layers(coil)):
         top = -coil.depth[k]
         bottom = top - coil.copper[k]
@@ -344,9 +352,19 @@ def board_source(coil: BoardCoil) -> CoilSource:
             outer = inner + 2 * layer.turns * coil.pitch
             windings.append(Winding(outer, inner, top, bottom, layer.turns * float(share[k])))
         else:
-            loops = loops_between(coil.outline.inside(coil.track / 2), coil.pitch, layer.turns)
-            windings.append(RectangularWinding(loops.outlines, loops.parts, float(share[k]), top, bottom))
-    return CoilSource(tuple(windings))
+            loops = _loops_of(coil, layer)
+            innermost = _innermost(coil, layer)
+            tracks.append(RectangularWinding(loops.outlines, loops.parts, innermost, float(share[k]), top, bottom))
+    return CoilSource(tuple(windings), tracks=tuple(tracks))
+
+
+def _innermost(coil: BoardCoil, layer: BoardLayer) -> tuple[tuple[float, float], ...]:
+    """Return the corners of a rectangular spiral's innermost turn and what it has inside, counterclockwise."""
+    whole = floor(layer.turns) - 1
+    start = round(layer.start_angle * 4 / pi)
+    outer = coil.outline.inside(coil.track / 2 + whole * coil.pitch)
+    path = spiral_path(outer, coil.pitch, start, layer.turns - whole, layer.sense)
+    return tuple((float(x), float(y)) for x, y in path[:: layer.sense])
 
 
 RISE_K = 40.0

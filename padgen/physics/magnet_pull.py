@@ -29,7 +29,6 @@ from padgen.physics.magnetics import (
     MOST_RINGS,
     MU_0,
     CoilSource,
-    RectangularWinding,
     SteelBody,
     SteelRing,
     Winding,
@@ -138,7 +137,7 @@ def magnet_pull(
     place = np.asarray(place, float)
     if not (gap.size and place.size):
         return MagnetPull(*np.zeros((13, 0)))
-    if isinstance(coil.windings[0], RectangularWinding):
+    if coil.tracks:
         return _rectangular_pulls(coil, magnet, gap, place, steel)
     gap, offset = np.broadcast_arrays(gap, np.hypot(*place.T) if place.ndim > 1 else place)
     pairs = list(zip(gap.tolist(), offset.tolist(), strict=True))
@@ -161,7 +160,7 @@ def _rectangular_pulls(
     farthest = float(np.hypot(x, y).max()) + coil.outer_diameter / 2
     least_gap, reach = _shared_range(magnet, float(gap.min()), farthest)
     waves = MagnetWaves(*_magnet_waves(magnet, least_gap, reach, steel), least_gap, reach)
-    pulls = track_pulls(coil.windings, waves, rows[:, 0], rows[:, 1:])
+    pulls = track_pulls(coil.tracks, waves, rows[:, 0], rows[:, 1:])
     distance = np.hypot(*rows[:, 1:].T)
     out = rows[:, 1:] / np.where(distance > 0, distance, 1.0)[:, None]
     left = np.stack([-out[:, 1], out[:, 0]], -1)

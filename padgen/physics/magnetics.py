@@ -148,11 +148,13 @@ class LoopSides(NamedTuple):
 class RectangularWinding(NamedTuple):
     """Turns of rectangular spirals on one layer of a board as closed loops; heights in m over the coil's top face.
 
-    Of each loop `parts` says which part of a turn it is; `share` is this layer's current over the coil's.
+    Of each loop `parts` says which part of a turn it is: from the outside whole ones, then the rest. `inner` are the
+    corners of the drawn track inside all but one of the whole turns. `share` is this layer's current over the coil's.
     """
 
     outlines: tuple[LoopSides, ...]
     parts: tuple[float, ...]
+    inner: tuple[tuple[float, float], ...]
     share: float
     top: float
     bottom: float
@@ -190,32 +192,38 @@ class RectangularWinding(NamedTuple):
 
 
 class CoilSource(NamedTuple):
-    """A coil of any kind as a source of field: coaxial windings in series round a core, in m; all round, or all not.
+    """A coil of any kind as a source of field: coaxial windings in series round a core, in m; or tracks, without one.
 
     The core is a cylinder from `core_top` down, of relative permeability `core_permeability`; `core_diameter` 0 is an
     air core. Nothing reaches above height 0, the coil's top face.
     """
 
-    windings: tuple[Winding, ...] | tuple[RectangularWinding, ...]
+    windings: tuple[Winding, ...]
     core_diameter: float = 0.0
     core_length: float = 0.0
     core_permeability: float = 1.0
     core_top: float = 0.0
+    tracks: tuple[RectangularWinding, ...] = ()
+
+    @property
+    def layers(self) -> "tuple[Winding | RectangularWinding, ...]":
+        """All windings, round and rectangular ones."""
+        return (*self.windings, *self.tracks)
 
     @property
     def outer_diameter(self) -> float:
         """Outer diameter of the widest winding in m."""
-        return max(winding.outer_diameter for winding in self.windings)
+        return max(winding.outer_diameter for winding in self.layers)
 
     @property
     def length(self) -> float:
         """Distance in m from the top face to the lowest end of a winding."""
-        return max(-winding.bottom for winding in self.windings)
+        return max(-winding.bottom for winding in self.layers)
 
     @property
     def turns(self) -> float:
         """Turns of all windings."""
-        return sum(winding.turns for winding in self.windings)
+        return sum(winding.turns for winding in self.layers)
 
     @property
     def has_core(self) -> bool:
@@ -818,7 +826,7 @@ def coil_poles(coil: CoilSource) -> np.ndarray:
     height of those charges.
     """
     poles = []
-    for winding in coil.windings:
+    for winding in coil.layers:
         charge = winding.turns * winding.mean_area / winding.length
         poles += [(charge, winding.top), (-charge, winding.bottom)]
     if (core := charged_core(coil)) is not None:
@@ -849,7 +857,7 @@ def pole_field(poles: np.ndarray, height: float, away: np.ndarray) -> tuple[np.n
 
 def pole_error(coil: CoilSource, distance: np.ndarray) -> np.ndarray:
     """Return the relative error of `pole_field` at a `distance` (…) in m: the next multipole's, ``¾ ⟨r²⟩/d²``."""
-    square = max((coil.core_diameter / 2) ** 2, *(winding.mean_square_radius for winding in coil.windings))
+    square = max((coil.core_diameter / 2) ** 2, *(winding.mean_square_radius for winding in coil.layers))
     return np.asarray(0.75 * square / distance**2)
 
 
@@ -870,6 +878,6 @@ def mutual_error(coil: CoilSource, apart: np.ndarray) -> np.ndarray:
     The next multipole of flat coils adds ``c = 9/4 ⟨r⁴⟩/(⟨r²⟩ d²)``, r the radius of turns; the rest of the series is
     bounded by ``2 c² + 7.5 c³`` up to coils that touch (filament sums in `tests/physics/test_mutual_inductance.py`).
     """
-    square = max(winding.largest_square for winding in coil.windings)
+    square = max(winding.largest_square for winding in coil.layers)
     next_pole = 2.25 * square / np.asarray(apart) ** 2
     return np.asarray(next_pole * (1 + 2 * next_pole + 7.5 * next_pole**2))

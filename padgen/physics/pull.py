@@ -404,7 +404,7 @@ def of_one_turn(coil: CoilSource) -> CoilSource:
 def parts_key(coil: CoilSource, washer: SteelRing) -> str:
     """Return a text that identifies a coil and a washer: all their numbers but the coil's number of turns."""
     ring = washer if washer.crown_height else washer[:4]
-    return " ".join(f"{v:.9g}" for part in (*of_one_turn(coil).windings, coil[1:], ring) for v in part)
+    return " ".join(f"{v:.9g}" for part in (*of_one_turn(coil).windings, coil[1:5], ring) for v in part)
 
 
 def supplied_table(coil: CoilSource, washer: SteelRing, part: int) -> PullTable | None:

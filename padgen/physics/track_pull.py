@@ -12,13 +12,15 @@ from the coil its sides take few points.
 SI units.
 """
 
+from collections.abc import Sequence
 from functools import lru_cache
+from itertools import pairwise
 from math import asinh, ceil, pi
 from typing import NamedTuple
 
 import numpy as np
 
-from padgen.physics.magnetics import BLOCK, LoopSides, RectangularWinding, gauss
+from padgen.physics.magnetics import BLOCK, RectangularWinding, gauss
 from padgen.physics.magnets import bessel
 from padgen.physics.rectangular_spiral import loop_segments
 
@@ -30,7 +32,7 @@ ALONG = 6
 """Gauss points on a piece of a side."""
 PIECE = 2.0
 """Most length of a piece over the distance of the magnet from the tracks."""
-TRACK_SHARE = 0.015
+TRACK_SHARE = 0.04
 """Error of forces over that on the coil's axis: closed loops are not quite spirals (docs/boards.md)."""
 
 
@@ -63,27 +65,28 @@ class TrackPulls(NamedTuple):
 
 
 class _Pieces(NamedTuple):
-    """The loops of all layers as straight pieces: starts (n, 2), ways (n, 2) in m, and turns (n,) that they stand for.
+    """Tracks that lie alike on some layers as straight pieces: starts (n, 2) and ways (n, 2) in m; and those layers.
 
-    All have the current of all layers, so that a turn that is there on one of four layers stands for a quarter.
+    All but the innermost turns are closed loops; these lie where they are drawn.
     """
 
     start: np.ndarray
     way: np.ndarray
-    turns: np.ndarray
+    layers: tuple[int, ...]
 
 
 @lru_cache(maxsize=64)
-def _pieces(windings: tuple[RectangularWinding, ...]) -> _Pieces:
-    turns: dict[LoopSides, float] = {}
-    whole = sum(winding.share for winding in windings)
-    for winding in windings:
-        for loop, part in zip(winding.outlines, winding.parts, strict=True):
-            turns[loop] = turns.get(loop, 0.0) + part * winding.share / whole
-    segments = [loop_segments(loop) for loop in turns]
-    ends = np.concatenate(segments)
-    of_loop = np.repeat(list(turns.values()), [len(each) for each in segments])
-    return _Pieces(ends[:, 0], ends[:, 1] - ends[:, 0], of_loop)
+def _pieces(windings: tuple[RectangularWinding, ...]) -> tuple[_Pieces, ...]:
+    """Return the turns that all layers have, and of each layer what it has besides."""
+    whole = [w.outlines[: w.parts.count(1.0) - 1] for w in windings]
+    common = [loop for loop in whole[0] if all(loop in loops for loops in whole)]
+    found = [(tuple(range(len(windings))), [loop_segments(loop) for loop in common])]
+    for k, (winding, loops) in enumerate(zip(windings, whole, strict=True)):
+        besides = [loop_segments(loop) for loop in loops if loop not in common]
+        besides.append(np.array(list(pairwise(winding.inner))))
+        found.append(((k,), besides))
+    ends = [(layers, np.concatenate(segments)) for layers, segments in found if segments]
+    return tuple(_Pieces(each[:, 0], each[:, 1] - each[:, 0], layers) for layers, each in ends)
 
 
 def track_pulls(
@@ -96,16 +99,16 @@ def track_pulls(
     result = np.zeros((6, len(gap)))
     error = np.zeros((2, len(gap)))
     for height in sorted(set(gap.tolist())):
-        table = _table(windings, waves, height)
+        tables = [_table([windings[k] for k in each.layers], waves, height) for each in pieces]
+        all_tracks = list(zip(pieces, tables, strict=True))
         here = gap == height
-        on_axis = _along_loops(pieces, table, waves.least_gap, PIECE * height, np.zeros((1, 2)))
+        on_axis = _along_tracks(all_tracks, waves.least_gap, PIECE * height, np.zeros((1, 2)))
         error[:, here] = TRACK_SHARE * np.abs(on_axis[:2])
         # Places as far from the tracks, to a factor of two, share their points along the tracks.
         octave = np.floor(np.log2(np.hypot(outside, height) / height))
         for step in sorted(set(octave[here].tolist())):
             alike = np.flatnonzero(here & (octave == step))
-            longest = PIECE * height * 2**step
-            result[:, alike] = _along_loops(pieces, table, waves.least_gap, longest, place[alike])
+            result[:, alike] = _along_tracks(all_tracks, waves.least_gap, PIECE * height * 2**step, place[alike])
     force, slope, side_x, side_y, low_x, low_y = result
     return TrackPulls(force, slope, np.stack([side_x, side_y], -1), np.stack([low_x, low_y], -1), *error)
 
@@ -121,7 +124,7 @@ def _round_waves(k: bytes, least_gap: float, reach: float) -> tuple[np.ndarray, 
     return zeroth, first
 
 
-def _table(windings: tuple[RectangularWinding, ...], waves: MagnetWaves, gap: float) -> np.ndarray:
+def _table(windings: Sequence[RectangularWinding], waves: MagnetWaves, gap: float) -> np.ndarray:
     """Return the integrands (points, 4): of the force and its slope, over ρ, and of side force and moment."""
     k = waves.k
     zeroth, first_over_rho = _round_waves(k.tobytes(), waves.least_gap, waves.reach)
@@ -135,18 +138,24 @@ def _table(windings: tuple[RectangularWinding, ...], waves: MagnetWaves, gap: fl
     return np.concatenate([across, along], 1)
 
 
-def _along_loops(pieces: _Pieces, table: np.ndarray, scale: float, longest: float, place: np.ndarray) -> np.ndarray:
-    """Return the sums (6, n) along all loops: force, slope, and side force and moment along x and y.
+def _along_tracks(
+    tracks: Sequence[tuple[_Pieces, np.ndarray]], scale: float, longest: float, place: np.ndarray
+) -> np.ndarray:
+    """Return the sums (6, n) along tracks: force, slope, and side force and moment along x and y.
 
-    No piece of a side is longer than `longest` m; `scale` is the ρ₀ of the table's steps.
+    Each of the tracks comes with its table, of which `scale` is the ρ₀. No piece of a side is longer than `longest` m.
     """
+    return np.asarray(sum(_along_some(pieces, table, scale, longest, place) for pieces, table in tracks))
+
+
+def _along_some(pieces: _Pieces, table: np.ndarray, scale: float, longest: float, place: np.ndarray) -> np.ndarray:
     count = np.ceil(np.hypot(*pieces.way.T) / longest).astype(int)
     at, weight = gauss(ALONG)
     of = np.repeat(np.arange(len(count)), count)
     first = np.arange(len(of)) - np.repeat(np.cumsum(count) - count, count)
     share = (first[:, None] + at) / count[of][:, None]
     points = (pieces.start[of][:, None] + share[..., None] * pieces.way[of][:, None]).reshape(-1, 2)
-    step = (((pieces.turns / count)[of][:, None] * weight)[..., None] * pieces.way[of][:, None]).reshape(-1, 2)
+    step = ((weight / count[of][:, None])[..., None] * pieces.way[of][:, None]).reshape(-1, 2)
     sums = np.empty((6, len(place)))
     some = max(BLOCK // len(points), 1)
     for begin in range(0, len(place), some):

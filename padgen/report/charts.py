@@ -117,11 +117,11 @@ def draw_to_scale(plan: Plan, figure: Figure) -> Any:
             roomy = bool(mark.names) and mark.diameter > ROOMY_DISC_IN * sheet.mm
             style = {"facecolor": colour_of(mark.role, 0), "edgecolor": colour_of(mark.edge_role, 0)}
             for index, (x, y) in enumerate(np.column_stack([mark.x, mark.y]) + beside):
-                shape = circle(x, y, mark.diameter)
+                around = circle(x, y, mark.diameter)
                 if mark.depth is not None:
-                    half = np.array([mark.diameter, mark.depth]) / 2
-                    shape = rectangle(x - half[0], x + half[0], y - half[1], y + half[1])
-                sheet.part(mark.label, [shape], **style)
+                    half_x, half_y = mark.diameter / 2, mark.depth / 2
+                    around = rectangle(x - half_x, x + half_x, y - half_y, y + half_y)
+                sheet.part(mark.label, [around], **style)
                 up = 0.08 * sheet.mm if roomy else 0.0
                 sheet.words((x, y + up), mark.numbers[index], fontsize=11 if roomy else SMALL_PT, weight="bold")
                 if roomy:

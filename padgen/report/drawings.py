@@ -327,9 +327,9 @@ def draw_section(plan: Plan) -> Any:
     bottom = top - coil.length_mm
     core = coil.core_diameter_mm / 2
     cosine, sine = TURNS[channel.site.along]
-    along = 0 if cosine else 1
-    reach = coil.sides_mm[along] / 2
-    inner = coil.bore_sides_mm[along] / 2
+    axis = 0 if cosine else 1
+    reach = coil.sides_mm[axis] / 2
+    inner = coil.bore_sides_mm[axis] / 2
     ahead, aside = channel.site.origin_mm
     coil_x = -cosine * ahead - sine * aside
     coil_y = sine * ahead - cosine * aside
@@ -348,7 +348,7 @@ def draw_section(plan: Plan) -> Any:
     for name in ("frame", "window", "beam", "plate", "boss"):
         drawn = [rectangle(*outline_points)] if name == "frame" else shapes[name]
         sheet.part(f"{name} from above", [shape + up for shape in drawn], facecolor=FILLS[name])
-    below = (("washer", shapes["washer"][0]), ("coil", coil_outline(coil, coil_x, coil_y, bool(along))))
+    below = (("washer", shapes["washer"][0]), ("coil", coil_outline(coil, coil_x, coil_y, bool(axis))))
     for name, shape in below:
         dashed = {"facecolor": "none", "edgecolor": FILLS[name], "linestyle": (0, (4, 2))}
         sheet.part(f"{name} from above", [shape + up], **dashed).set_clip_path(sheet.axis.patches[0])

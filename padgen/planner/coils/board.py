@@ -231,10 +231,12 @@ def _depth(given: dict[str, Any]) -> dict[str, Any]:
     depth_mm = given.get("outer_depth_mm")
     if given.get("shape", "round") != "rectangular":
         if depth_mm is not None:
+            rectangular = {"coil.shape": "rectangular"}
+            rectangular |= {} if "outer_diameter_mm" in given else {"coil.outer_diameter_mm": depth_mm}
             raise SpecError(
                 f"is of coils whose coil.shape is 'rectangular', got {shown(depth_mm)} mm",
                 "coil.outer_depth_mm",
-                [{"coil.outer_depth_mm": None}, {"coil.shape": "rectangular"}],
+                [{"coil.outer_depth_mm": None}, rectangular],
             )
         return {}
     if depth_mm is not None and "outer_diameter_mm" not in given:
