@@ -82,9 +82,10 @@ slice: $(STAMP) ## slice every template and ten odd pads with PrusaSlicer (insta
 	  { apt-get update -qq && apt-get install -y -qq --no-install-recommends prusa-slicer slic3r; }
 	$(BIN)/python -m pytest -m slicer tests/sliced/test_slicer.py
 
-board-drc: $(STAMP) ## KiCad's rules over boards of coils and broken ones, resistances by gerbv's pictures (both from Debian)
+board-drc: $(STAMP) ## KiCad's rules over boards of coils and broken ones, resistances by pictures of gerbv (both from Debian) and gerbonara
 	@{ /usr/bin/python3 -c "import pcbnew" && command -v gerbv; } >/dev/null 2>&1 || \
 	  { apt-get update -qq && apt-get install -y -qq --no-install-recommends kicad gerbv; }
+	$(PIP) --constraint constraints.txt gerbonara==1.5.0
 	$(BIN)/python -m pytest -m kicad -o faulthandler_timeout=3600 tests/solid/test_board_files.py
 
 PAGE := padgen/report/page

@@ -1,4 +1,4 @@
-"""Resistance of a board's nets from pictures of its Gerber files, as gerbv draws them: sheets of square pixels.
+"""Resistance of a board's nets from pictures of its Gerber files, as gerbv or gerbonara reads them: square pixels.
 
 Nothing of padgen's formulas or layouts is used but sizes of copper and holes. Each pixel of copper is joined to its
 four neighbours by the sheet's conductance; the pixels of a plated hole are one node on each layer, joined from layer to
@@ -8,6 +8,7 @@ matrix never has more of them than a few tracks are wide.
 
 import subprocess
 from itertools import pairwise
+from math import ceil, floor
 
 import numpy as np
 from PIL import Image
@@ -30,6 +31,54 @@ def picture(path, corner_mm, size_mm, pixel_mm):
     subprocess.run(["gerbv", "-x", "png", "-o", png, *colours, *frame, path], check=True, capture_output=True)
     Image.MAX_IMAGE_PIXELS = None
     return np.array(Image.open(png).convert("L"))[::-1] > 127
+
+
+def gerbonara_picture(path, corner_mm, size_mm, pixel_mm):
+    """Return where gerbonara finds copper in a Gerber file: an array (rows from below, columns) of bool.
+
+    It reads lines, arcs, circles and rectangles out of the file; a pixel is copper if its middle lies in one of them.
+    """
+    from gerbonara import GerberFile
+    from gerbonara.utils import MM
+
+    columns, rows = (round(side / pixel_mm) for side in size_mm)
+    picture = np.zeros((rows, columns), bool)
+    for thing in GerberFile.open(path).objects:
+        for shape in thing.to_primitives(MM):
+            (left, near), (right, far) = shape.bounding_box()
+            first_x = max(floor((left - corner_mm[0]) / pixel_mm), 0)
+            first_y = max(floor((near - corner_mm[1]) / pixel_mm), 0)
+            last_x = ceil((right - corner_mm[0]) / pixel_mm) + 1
+            last_y = ceil((far - corner_mm[1]) / pixel_mm) + 1
+            part = picture[first_y:last_y, first_x:last_x]
+            y, x = np.indices(part.shape)
+            x = (x + first_x + 0.5) * pixel_mm + corner_mm[0]
+            y = (y + first_y + 0.5) * pixel_mm + corner_mm[1]
+            part |= _is_inside(shape, x, y)
+    return picture
+
+
+def _is_inside(shape, x, y):
+    """Return which points lie in a shape of gerbonara's."""
+    kind = type(shape).__name__
+    if kind == "Circle":
+        return np.hypot(x - shape.x, y - shape.y) <= shape.r
+    if kind == "Rectangle":
+        assert not shape.rotation
+        return (np.abs(x - shape.x) <= shape.w / 2) & (np.abs(y - shape.y) <= shape.h / 2)
+    start, end = complex(shape.x1, shape.y1), complex(shape.x2, shape.y2)
+    point = x + 1j * y
+    if kind == "Line":
+        along = ((point - start) * np.conj(end - start)).real / abs(end - start) ** 2
+        return np.abs(point - start - np.clip(along, 0, 1) * (end - start)) <= shape.width / 2
+    assert kind == "Arc"
+    centre = complex(shape.cx, shape.cy)
+    turn = -1 if shape.clockwise else 1
+    swept = np.angle((point - centre) / (start - centre)) * turn % (2 * np.pi)
+    on_arc = swept <= np.angle((end - centre) / (start - centre)) * turn % (2 * np.pi)
+    from_end = np.minimum(np.abs(point - start), np.abs(point - end))
+    away = np.where(on_arc, np.abs(np.abs(point - centre) - abs(start - centre)), from_end)
+    return away <= shape.width / 2
 
 
 def pixel_ohm(layers, sheet_ohm, holes, corner_mm, pixel_mm, pins):

@@ -33,7 +33,8 @@ __all__ = [
 
 def _crossing(one: tuple[int, float], other: tuple[int, float]) -> tuple[float, float]:
     """Return where two lines cross, each given by its direction in eighths of a turn and its distance from the axis."""
-    (ax, ay), (bx, by) = EIGHTHS[one[0] % 8], EIGHTHS[other[0] % 8]
+    ax, ay = EIGHTHS[one[0] % 8]
+    bx, by = EIGHTHS[other[0] % 8]
     turning = ax * by - ay * bx
     return (one[1] * by - other[1] * ay) / turning, (ax * other[1] - bx * one[1]) / turning
 
@@ -60,8 +61,8 @@ def spiral_path(outer: LoopSides, pitch: float, start: int, turns: float, sense:
             if along[0] * x + along[1] * y <= distance:
                 continue
         lines.append((eighth, distance))
-    first, last = lines[0], lines[-1]
-    corners = [_foot(first), *(_crossing(a, b) for a, b in pairwise(lines))]
+    last = lines[-1]
+    corners = [_foot(lines[0]), *(_crossing(a, b) for a, b in pairwise(lines))]
     if last[0] % 2:
         # The middle of the cut: between the side before it and the one that would follow.
         x, y = _crossing(last, line(count + 1))

@@ -80,12 +80,12 @@ def _pieces(windings: tuple[RectangularWinding, ...]) -> tuple[_Pieces, ...]:
     """Return the turns that all layers have, and of each layer what it has besides."""
     whole = [w.outlines[: w.parts.count(1.0) - 1] for w in windings]
     common = [loop for loop in whole[0] if all(loop in loops for loops in whole)]
-    found = [(tuple(range(len(windings))), [loop_segments(loop) for loop in common])]
+    by_layers = [(tuple(range(len(windings))), [loop_segments(loop) for loop in common])]
     for k, (winding, loops) in enumerate(zip(windings, whole, strict=True)):
         besides = [loop_segments(loop) for loop in loops if loop not in common]
         besides.append(np.array(list(pairwise(winding.inner))))
-        found.append(((k,), besides))
-    ends = [(layers, np.concatenate(segments)) for layers, segments in found if segments]
+        by_layers.append(((k,), besides))
+    ends = [(layers, np.concatenate(segments)) for layers, segments in by_layers if segments]
     return tuple(_Pieces(each[:, 0], each[:, 1] - each[:, 0], layers) for layers, each in ends)
 
 

@@ -21,18 +21,19 @@ from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
 from math import cos, dist, hypot, pi, sin
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from padgen.core.errors import Finding, InfeasibleError, at_most, number
 from padgen.core.units import COPPER_OHM_M, MM
 from padgen.physics.board_coil import BoardCoil, BoardLayer, board_layers, ends_at_via, rectangle_path, side_via
-from padgen.planner.coils.board import HEAD_MM, board_coil, house_of
+from padgen.planner.coils.board import DEFAULT_CONNECTOR, HEAD_MM, board_coil, connector_of, house_of
 from padgen.planner.layout import SLACK_MM, coil_axis_mm, corner_holes_mm
 from padgen.planner.plan import Plan
 from padgen.spec import Spec
 
 __all__ = [
     "Board",
+    "Connector",
     "HeaderPin",
     "Hole",
     "Label",
@@ -45,16 +46,12 @@ __all__ = [
     "least_board_gap_mm",
 ]
 
-PIN_MM = 2.54
-PIN_DRILL_MM = 1.0
-PIN_PAD_MM = 1.7
-"""Pin headers of 0.1 inch: pitch, hole and pad."""
 WIDEST_LANE_MM = 0.5
 """Width of the tracks to the connector where there is room: much wider than the coils' own, they add little to them."""
 LABEL_MM = 1.0
-LABEL_AWAY_MM = 3.2
+LABEL_AWAY_MM = 1.9
 MARGIN_MM = 1.5
-"""Height of names, distance of the middle of a pin's name from it, and room round the pins."""
+"""Height of names, distance of the middle of a pin's name from the connector's body, and room round the pins."""
 
 
 class Track(NamedTuple):
@@ -75,6 +72,22 @@ class Via(NamedTuple):
     at_mm: tuple[float, float]
     size_mm: float
     drill_mm: float
+
+
+class Connector(NamedTuple):
+    """A connector of two rows: pitch of pins and rows, hole, pad, and how far the body reaches beyond a pin, in mm.
+
+    It comes with `fewest` to `most` columns of two pins; `part` is what to order.
+    """
+
+    name: str
+    pitch_mm: float
+    drill_mm: float
+    pad_mm: float
+    body_mm: float
+    fewest: int
+    most: int
+    part: str
 
 
 class HeaderPin(NamedTuple):
@@ -119,6 +132,7 @@ class Board:
     tracks: tuple[Track, ...]
     vias: tuple[Via, ...]
     pins: tuple[HeaderPin, ...]
+    connector: Connector
     holes: tuple[Hole, ...]
     labels: tuple[Label, ...]
     mark_mm: tuple[float, float]
@@ -140,7 +154,9 @@ def board_findings(plan: Plan) -> Iterator[Finding]:
     except InfeasibleError as error:
         turned = [plan.coils.columns, plan.coils.rows]
         message = f"it cannot be made: {error.where} {error.message}"
-        cures = ({"coil.outer_diameter_mm": None}, {"coil.grid": turned})
+        cures: tuple[dict[str, Any], ...] = ({"coil.outer_diameter_mm": None}, {"coil.grid": turned})
+        if spec.coil.connector != DEFAULT_CONNECTOR:
+            cures = ({"coil.connector": DEFAULT_CONNECTOR}, *cures)
         yield Finding("error", "board.room", "board", message, cures)
 
 
@@ -173,14 +189,16 @@ def board_of(plan: Plan) -> Board:
         vias += own_vias
     half_x = spec.pad.width_mm / 2 + spec.pad.border_mm
     half_y = spec.pad.depth_mm / 2 + spec.pad.border_mm
-    sides = _sides(plan, axes, half_x)
-    lanes_mm = _lane_widths_mm(plan, coil, sides, axes)
+    entry = connector_of(spec.coil)
+    connector = Connector(*(entry[key] for key in Connector._fields))
+    sides = _sides(plan, axes, half_x, connector)
+    lanes_mm = _lane_widths_mm(plan, coil, sides, axes, connector)
     pins: list[HeaderPin] = []
     leads_ohm = dict.fromkeys(nets.values(), 0.0)
     labels = [Label(f"r{r}c{c}", axes[r, c]) for r, c in places]
     ends = [-half_y, half_y]
     for k, (side, sign) in enumerate(zip(sides, (-1, 1), strict=False)):
-        fan = _fan(coil, [(axes[p], nets[p]) for p in side], lanes_mm, sign, half_y, k)
+        fan = _fan(coil, connector, [(axes[p], nets[p]) for p in side], lanes_mm, sign, half_y, k)
         tracks += fan.tracks
         for track in fan.tracks:
             leads_ohm[track.net] += _track_ohm(coil, track)
@@ -189,7 +207,8 @@ def board_of(plan: Plan) -> Board:
         for pin in fan.pins:
             if pin.row == 1:
                 r, c = places[pin.net - 1]
-                labels.append(Label(f"r{r}c{c}", (pin.at_mm[0], pin.at_mm[1] + sign * LABEL_AWAY_MM), 90.0))
+                away_mm = sign * (connector.body_mm + LABEL_AWAY_MM)
+                labels.append(Label(f"r{r}c{c}", (pin.at_mm[0], pin.at_mm[1] + away_mm), 90.0))
     hole = spec.pad.hole_diameter_mm
     width_mm = 2 * half_x
     depth_mm = ends[1] - ends[0]
@@ -212,6 +231,7 @@ def board_of(plan: Plan) -> Board:
         tracks=tuple(tracks),
         vias=tuple(vias),
         pins=tuple(pins),
+        connector=connector,
         holes=tuple(Hole(at, hole) for at in corner_holes_mm(spec.pad)),
         labels=tuple(labels),
         mark_mm=(mark_x, first_y),
@@ -327,10 +347,18 @@ def _moved(point: Point, by: Point) -> Point:
     return round(point[0] + by[0], 6), round(point[1] + by[1], 6)
 
 
-def _sides(plan: Plan, axes: dict[tuple[int, int], Point], half_x: float) -> list[list[tuple[int, int]]]:
+def _sides(
+    plan: Plan, axes: dict[tuple[int, int], Point], half_x: float, connector: Connector
+) -> list[list[tuple[int, int]]]:
     """Return the coils that each connector feeds: one connector if all pins fit on the near side, else two."""
-    fitting = int((2 * half_x - 2 * MARGIN_MM) / PIN_MM)
+    fitting = min(int((2 * half_x - 2 * MARGIN_MM) / connector.pitch_mm), connector.most)
     places = sorted(axes, key=lambda place: axes[place][1])
+    if len(places) < connector.fewest:
+        raise InfeasibleError(
+            f"must be one of fewer pins than {connector.name!r}, which is for at least {connector.fewest} coils, got"
+            f" {len(places)}",
+            "coil.connector",
+        )
     if len(places) <= fitting:
         return [places]
     rows = sorted({y for _, y in axes.values()})
@@ -338,7 +366,7 @@ def _sides(plan: Plan, axes: dict[tuple[int, int], Point], half_x: float) -> lis
     far = [place for place in places if place not in near]
     if max(len(near), len(far)) > fitting:
         raise InfeasibleError(
-            f"must be at most {2 * fitting} for the pins of two connectors {number(2 * half_x)} mm wide, got"
+            f"must be at most {2 * fitting} for two connectors {connector.name!r} on {number(2 * half_x)} mm, got"
             f" {len(places)} coils of the grid {plan.coils.rows} x {plan.coils.columns}",
             "coil.grid",
         )
@@ -346,7 +374,11 @@ def _sides(plan: Plan, axes: dict[tuple[int, int], Point], half_x: float) -> lis
 
 
 def _lane_widths_mm(
-    plan: Plan, coil: BoardCoil, sides: list[list[tuple[int, int]]], axes: dict[tuple[int, int], Point]
+    plan: Plan,
+    coil: BoardCoil,
+    sides: list[list[tuple[int, int]]],
+    axes: dict[tuple[int, int], Point],
+    connector: Connector,
 ) -> dict[float, float]:
     """Return column x → width in mm of the tracks beside that column of coils; raise `InfeasibleError` without room.
 
@@ -371,7 +403,7 @@ def _lane_widths_mm(
                 "coil.outer_diameter_mm",
             )
         # Those of the bottom layer pass between the pins of the front row.
-        passing = PIN_MM - PIN_PAD_MM - 2 * space
+        passing = connector.pitch_mm - connector.pad_mm - 2 * space
         widths[column] = float(min(WIDEST_LANE_MM, passing, round(max(width - 5e-4, least), 3)))
     return widths
 
@@ -384,16 +416,18 @@ class _Fan(NamedTuple):
 
 def _fan(
     coil: BoardCoil,
+    connector: Connector,
     coils: list[tuple[Point, int]],
     lanes_mm: dict[float, float],
     sign: int,
     half_y: float,
-    connector: int,
+    index: int,
 ) -> _Fan:
     """Return tracks from coils to a connector, its pins, and the y in mm of the board's edge behind it.
 
-    `sign` is -1 for the connector at the edge of lower y, else +1.
+    `sign` is -1 for the connector at the edge of lower y, else +1; `index` is its number from 0.
     """
+    pitch_mm = connector.pitch_mm
     step = max(lanes_mm.values()) + coil.space / MM
     outer = coil.outer_diameter / 2 / MM
     last = len(coil.copper) - 1
@@ -408,17 +442,17 @@ def _fan(
         beside = column + outer + coil.space / MM + width / 2
         lanes += [(beside + k * (width + coil.space / MM), width, *one) for k, one in enumerate(of_column)]
     starts = [lane[0] for lane in lanes]
-    targets = [(k - (len(lanes) - 1) / 2) * PIN_MM for k in range(len(lanes))]
+    targets = [(k - (len(lanes) - 1) / 2) * pitch_mm for k in range(len(lanes))]
     begin = half_y + step
-    levels = max(_levels(starts, [t + shift for t in targets], step)[1] for shift in (0.0, PIN_MM / 2))
-    front_y = begin + levels * step + MARGIN_MM + PIN_PAD_MM / 2
+    levels = max(_levels(starts, [t + shift for t in targets], step)[1] for shift in (0.0, pitch_mm / 2))
+    front_y = begin + levels * step + MARGIN_MM + connector.pad_mm / 2
     tracks: list[Track] = []
     pins: list[HeaderPin] = []
     for row, layer in ((0, 0), (1, last)):
-        shift = row * PIN_MM / 2
+        shift = row * pitch_mm / 2
         level_of, _ = _levels(starts, [t + shift for t in targets], step)
         for k, (x, width, axis, net) in enumerate(lanes):
-            pin = (targets[k], sign * (front_y + row * PIN_MM))
+            pin = (targets[k], sign * (front_y + row * pitch_mm))
             start = _end_point(coil, layer, axis)
             level = sign * (begin + level_of[k] * step)
             lane = (x, start[1])
@@ -430,8 +464,9 @@ def _fan(
                 for a, b in zip(map(_rounded, points), map(_rounded, points[1:]), strict=False)
                 if hypot(a[0] - b[0], a[1] - b[1]) > 1e-6
             ]
-            pins.append(HeaderPin(net, connector, 2 * k + row + 1, row, _rounded(pin)))
-    return _Fan(tracks, pins, sign * (front_y + PIN_MM + LABEL_AWAY_MM + 2 * LABEL_MM + MARGIN_MM))
+            pins.append(HeaderPin(net, index, 2 * k + row + 1, row, _rounded(pin)))
+    behind_mm = pitch_mm + connector.body_mm
+    return _Fan(tracks, pins, sign * (front_y + behind_mm + LABEL_AWAY_MM + 2 * LABEL_MM + MARGIN_MM))
 
 
 def _end_point(coil: BoardCoil, layer: int, axis: Point) -> Point:

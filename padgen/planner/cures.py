@@ -39,7 +39,7 @@ from padgen.spec.load import (
     without_none,
 )
 
-__all__ = ["Cure", "named_breakdown", "refusal", "varied", "with_tried_cures"]
+__all__ = ["Cure", "named_breakdown", "other_shapes", "refusal", "varied", "with_tried_cures"]
 
 
 MOST_TRIED = 4
@@ -265,6 +265,16 @@ def _unreached(spec: Spec, layout: Layout) -> str:
     return f"{layout.channels} channel{plural(layout.channels)} per coil on {grid}: {sentence}"
 
 
+def other_shapes(spec: Spec) -> list[Cure]:
+    """Return the changes that give coils on a board, under magnets, the other shape."""
+    coil = spec.coil
+    if coil.kind != "board" or spec.mover.kind != "magnet":
+        return []
+    if coil.shape == "round":
+        return [{"coil.shape": "rectangular"}]
+    return [{"coil.shape": "round", "coil.outer_depth_mm": None}]
+
+
 def _cures(spec: Spec, limit: int) -> Iterator[Cure]:
     """Yield cures that make room: other grid, coil, mover, printer or pad, more outputs, freer beams, fewer taxels.
 
@@ -297,6 +307,7 @@ def _cures(spec: Spec, limit: int) -> Iterator[Cure]:
         larger_pads = []  # what lies between is not worth its time
     ways: list[list[Cure]] = [
         [{"coil.outer_diameter_mm": None}] if spec.coil.sizing == "given" and is_resizable(spec.coil) else [],
+        other_shapes(spec),
         [{"coil": e["name"]} for e in sorted(larger, key=diameter)],
         [{spec.mover_table_name: e["name"]} for e in sorted(smaller, key=diameter, reverse=True)],
         [{"printer": e["name"]} for e in finer if e["process"] == spec.printer.process],

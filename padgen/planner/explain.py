@@ -15,7 +15,7 @@ from padgen.physics.ladder import LevelLaw
 from padgen.physics.schemes import in_order
 from padgen.physics.selectivity import Scheme
 from padgen.planner.channels import plan_channels, unpulled
-from padgen.planner.cures import Cure, varied
+from padgen.planner.cures import Cure, other_shapes, varied
 from padgen.planner.drive_scheme import plan_selectivity
 from padgen.planner.layout import SLACK_MM, binding_limit_text, candidates, roomy_layouts
 from padgen.planner.make import make_plan
@@ -468,6 +468,7 @@ def _changes(plan: Plan, asked: Spec) -> list[tuple[int, Cure]]:
         (1, ({"band_hz": [float(number(low * less)), float(number(high * more))]} for less, more in bands)),
         (1, ({"printer": entry["name"]} for entry in finer if entry["process"] == printer.process)),
         (2, ({spec.mover_table_name: entry["name"]} for entry in smaller)),
+        (2, other_shapes(asked)),
         (3, ({k: round(mm * more / 100, 1) for k, mm in sizes.items()} for more in (120, 150))),
         *_touch_changes(spec),
     ]

@@ -25,6 +25,7 @@ Screws by ISO: clearance holes (273, fine), coarse threads (261: tapping drill =
 driven into a hole of the tapping drill's size.
 """
 
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from math import ceil
@@ -32,7 +33,7 @@ from typing import NamedTuple
 
 from padgen.core.errors import Finding, InfeasibleError, at_least, number
 from padgen.core.units import MM, UM
-from padgen.planner.board_layout import least_board_gap_mm
+from padgen.planner.board_layout import board_of, least_board_gap_mm
 from padgen.planner.layout import SLACK_MM, Outline, coil_axis_mm, corner_groove, corner_holes_mm, groove, placed_taxel
 from padgen.planner.plan import NOT_JUDGED, CoilGrid, Plan, Reuse
 
@@ -282,6 +283,27 @@ def plan_tray(plan: Plan) -> Tray:
 def spacer_mm(plan: Plan) -> float:
     """Return the height in mm of the spacers between the pad's underside and the coils' tops on a board."""
     return round(plan.spec.coil.gap_mm - plan.spec.mover_low_mm, 6)
+
+
+def board_parts(plan: Plan) -> list[tuple[str, int, str, str]]:
+    """Return what a board of coils needs besides, as rows of a bill of materials: connectors and spacers.
+
+    None with wound coils, and where no board can be laid out.
+    """
+    if plan.spec.coil.kind != "board":
+        return []
+    try:
+        board = board_of(plan)
+    except InfeasibleError:
+        return []
+    connectors = Counter(Counter(pin.connector for pin in board.pins).values())
+    rows = [
+        ("connector", count, "pieces", board.connector.part.format(rows=2, columns=pins // 2, pins=pins))
+        for pins, count in sorted(connectors.items())
+    ]
+    between = "between board and pad at each screw; or the one frame that padgen build --parts spacer makes"
+    rows.append(("spacer", len(board.holes) or 1, "pieces", f"{number(spacer_mm(plan))} mm, {between}"))
+    return rows
 
 
 @dataclass(frozen=True, slots=True)

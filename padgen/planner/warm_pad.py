@@ -178,10 +178,10 @@ def _coil_sides_mm(plan: Plan) -> tuple[float, float]:
     coil = plan.spec.coil
     share = sqrt(pi) / 2 if coil.shape == "round" else 1.0
     x_mm, y_mm = (share * side_mm for side_mm in coil.sides_mm)
-    largest_x, largest_y = 0.98 * plan.coils.pitch_x_mm, 0.98 * plan.coils.pitch_y_mm
+    pitches_mm = [plan.coils.pitch_x_mm, plan.coils.pitch_y_mm]
     if coil.shape == "round":
-        largest_x = largest_y = min(largest_x, largest_y)
-    return min(x_mm, largest_x), min(y_mm, largest_y)
+        pitches_mm = [min(pitches_mm)] * 2
+    return min(x_mm, 0.98 * pitches_mm[0]), min(y_mm, 0.98 * pitches_mm[1])
 
 
 def warm_layers(plan: Plan) -> WarmLayers:

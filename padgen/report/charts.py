@@ -119,7 +119,8 @@ def draw_to_scale(plan: Plan, figure: Figure) -> Any:
             for index, (x, y) in enumerate(np.column_stack([mark.x, mark.y]) + beside):
                 around = circle(x, y, mark.diameter)
                 if mark.depth is not None:
-                    half_x, half_y = mark.diameter / 2, mark.depth / 2
+                    half_x = mark.diameter / 2
+                    half_y = mark.depth / 2
                     around = rectangle(x - half_x, x + half_x, y - half_y, y + half_y)
                 sheet.part(mark.label, [around], **style)
                 up = 0.08 * sheet.mm if roomy else 0.0

@@ -7,7 +7,7 @@ Formats: Ucamco, The Gerber Layer Format Specification (2021.02); IPC-NC-349 for
 from collections.abc import Iterable
 from itertools import pairwise
 
-from padgen.planner.board_layout import LABEL_MM, PIN_DRILL_MM, PIN_PAD_MM, Board, Label, arc_centre
+from padgen.planner.board_layout import LABEL_MM, Board, Label, arc_centre
 
 __all__ = ["drill_text", "gerber_files", "label_strokes"]
 
@@ -96,12 +96,12 @@ def gerber_files(board: Board) -> dict[str, str]:
         for via in board.vias:
             layer.flash(via.at_mm, f"C,{_number(via.size_mm)}", "ViaPad", board.nets[via.net - 1])
         for pin in board.pins:
-            layer.flash(pin.at_mm, _pad(pin.number, PIN_PAD_MM), "ComponentPad", board.nets[pin.net - 1])
+            layer.flash(pin.at_mm, _pad(pin.number, board.connector.pad_mm), "ComponentPad", board.nets[pin.net - 1])
         files[f"copper-{k + 1}.gbr"] = layer.text()
     for side in ("top", "bottom"):
         mask = _Layer(f"Soldermask,{'Top' if side == 'top' else 'Bot'}", "Negative")
         for pin in board.pins:
-            mask.flash(pin.at_mm, _pad(pin.number, PIN_PAD_MM + 2 * MASK_MM), "Material")
+            mask.flash(pin.at_mm, _pad(pin.number, board.connector.pad_mm + 2 * MASK_MM), "Material")
         for hole in board.holes:
             mask.flash(hole.at_mm, f"C,{_number(hole.diameter_mm + 2 * MASK_MM)}", "Material")
         files[f"mask-{side}.gbr"] = mask.text()
@@ -118,7 +118,8 @@ def gerber_files(board: Board) -> dict[str, str]:
     for a, b in pairwise(corners):
         outline.draw(a, b, OUTLINE_MM, "Profile")
     files["outline.gbr"] = outline.text()
-    plated = [(via.drill_mm, via.at_mm) for via in board.vias] + [(PIN_DRILL_MM, pin.at_mm) for pin in board.pins]
+    plated = [(via.drill_mm, via.at_mm) for via in board.vias]
+    plated += [(board.connector.drill_mm, pin.at_mm) for pin in board.pins]
     files["plated.drl"] = drill_text(f"Plated,1,{board.layers},PTH", plated)
     files["holes.drl"] = drill_text(
         f"NonPlated,1,{board.layers},NPTH", [(hole.diameter_mm, hole.at_mm) for hole in board.holes]

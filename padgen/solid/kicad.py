@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator
 from typing import Any
 from uuid import NAMESPACE_URL, uuid5
 
-from padgen.planner.board_layout import LABEL_MM, PIN_DRILL_MM, PIN_PAD_MM, Board
+from padgen.planner.board_layout import LABEL_MM, Board
 
 __all__ = ["layer_names", "pcb_text", "project_text"]
 
@@ -99,11 +99,12 @@ def _lines(board: Board) -> Iterator[str]:
 
 
 def _connectors(board: Board, number: Iterator[str]) -> Iterator[str]:
-    """Yield the KiCad text of the pin headers, two rows of pins each."""
+    """Yield the KiCad text of the connectors, two rows of pins each."""
+    pad_mm = board.connector.pad_mm
     for connector in sorted({pin.connector for pin in board.pins}):
         pins = [pin for pin in board.pins if pin.connector == connector]
         first = pins[0].at_mm
-        name = f"header-2x{len(pins) // 2}"
+        name = f"{board.connector.name}-2x{len(pins) // 2}"
         yield f'  (footprint "padgen:{name}" (layer "F.Cu") (tstamp {next(number)}) (at {_at(first)})'
         yield "    (attr through_hole)"
         yield (
@@ -116,8 +117,9 @@ def _connectors(board: Board, number: Iterator[str]) -> Iterator[str]:
             y = _mm(first[1] - pin.at_mm[1])
             shape = "rect" if pin.number == 1 else "circle"
             yield (
-                f'    (pad "{pin.number}" thru_hole {shape} (at {x} {y}) (size {PIN_PAD_MM} {PIN_PAD_MM})'
-                f' (drill {PIN_DRILL_MM}) (layers "*.Cu" "*.Mask") (net {pin.net} "{board.nets[pin.net - 1]}")'
+                f'    (pad "{pin.number}" thru_hole {shape} (at {x} {y}) (size {_mm(pad_mm)} {_mm(pad_mm)})'
+                f' (drill {_mm(board.connector.drill_mm)}) (layers "*.Cu" "*.Mask")'
+                f' (net {pin.net} "{board.nets[pin.net - 1]}")'
                 f" (tstamp {next(number)}))"
             )
         yield "  )"

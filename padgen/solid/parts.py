@@ -25,6 +25,7 @@ from padgen.planner.ballast import ballast_size
 from padgen.planner.drive_rows import table_csv
 from padgen.planner.fixtures import (
     Tray,
+    board_parts,
     coupon_groove,
     coupon_plan,
     plan_tray,
@@ -373,6 +374,7 @@ def bill_of_materials(plan: Plan, plastic_g: float, parts_g: Mapping[str, float]
         ),
         *([("ballast", len(plan.taxels), "pieces", ballast_size(spec.ballast))] if spec.ballast else []),
         _coil_row(coil, coils),
+        *board_parts(plan),
         ("plastic", f"{plastic_g:.2f}", "g", f"pad: {spec.material.name} on {spec.printer.name}"),
         *(("plastic", f"{grams:.2f}", "g", f"{name}: at full infill") for name, grams in (parts_g or {}).items()),
         ("screw", 4 if pad.hole_diameter_mm else 0, "pieces", screws),

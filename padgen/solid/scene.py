@@ -13,7 +13,7 @@ import numpy as np
 
 from padgen.core.errors import InfeasibleError
 from padgen.core.units import MM
-from padgen.planner.board_layout import PIN_DRILL_MM, Track, arc_centre, board_of, coil_path
+from padgen.planner.board_layout import Track, arc_centre, board_of, coil_path
 from padgen.planner.coils.board import board_coil
 from padgen.planner.fixtures import plan_tray
 from padgen.planner.guard import plan_guard
@@ -261,7 +261,7 @@ def _board(plan: Plan) -> SceneParts:
     low = top - coil.copper[0] / MM
     x0, y0, x1, y1 = board.outline_mm
     bores = [_disc(hole.diameter_mm, *hole.at_mm) for hole in board.holes]
-    bores += [_disc(PIN_DRILL_MM, *pin.at_mm, sides=FEWER_SIDES) for pin in board.pins]
+    bores += [_disc(board.connector.drill_mm, *pin.at_mm, sides=FEWER_SIDES) for pin in board.pins]
     slab = section([_rectangle(Outline(x0, x1, y0, y1))]) - section(bores)
     axes = [coil_axis_mm(plan.coils, r, c) for r, c in product(range(plan.coils.rows), range(plan.coils.columns))]
     spiral = _on_top(coil_path(coil, 1, (0.0, 0.0))[0])

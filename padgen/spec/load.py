@@ -786,6 +786,13 @@ PARTS: dict[str, tuple[str, dict[str, Any]]] = {
             **dict.fromkeys(("layers", "thickness_mm"), _list),
         },
     ),
+    "connector": (
+        "connectors.csv",
+        {
+            **dict.fromkeys(("pitch_mm", "drill_mm", "pad_mm", "body_mm"), float),
+            **dict.fromkeys(("fewest", "most"), int),
+        },
+    ),
     "difference": (
         "differences.csv",
         dict.fromkeys(("low_hz", "high_hz", "from_db", "to_db", "smallest", "largest"), float),

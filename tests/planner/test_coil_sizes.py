@@ -99,9 +99,9 @@ def test_boards_of_the_widest_coils_have_room_for_tracks_and_screws(case):
     spec = make_spec(table)
     plan = make_plan(spec, tries_cures=False)
     assert "board.room" not in kinds(plan)
-    widest_mm = widest_mm_of(spec.coil, spec.pad, rows, columns)
+    widest_mm = widest_mm_of(spec.coil, spec.pad, rows, columns)[0]
     assert plan.spec.coil.outer_diameter_mm <= widest_mm
-    widest = replace(plan, spec=replace(plan.spec, coil=resized(plan.spec.coil, widest_mm)))
+    widest = replace(plan, spec=replace(plan.spec, coil=resized(plan.spec.coil, (widest_mm, widest_mm))))
     assert plan.coils.pitch_y_mm - widest_mm > spec.coil.space_mm
     assert board_of(widest).lane_mm >= spec.coil.track_mm - 1e-9
 

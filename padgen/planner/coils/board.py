@@ -36,10 +36,12 @@ from padgen.spec import Coil, PadTable, catalogue
 from padgen.spec.fields import build
 
 __all__ = [
+    "DEFAULT_CONNECTOR",
     "HEAD_MM",
     "beside_mm",
     "board_coil",
     "completed",
+    "connector_of",
     "given_fields",
     "house_of",
     "narrowest_mm",
@@ -48,7 +50,14 @@ __all__ = [
     "widest_mm",
 ]
 
-DEFAULTS: dict[str, Any] = {"name": "board", "house": "coil-0.15", "layers": 4, "outer_diameter_mm": 9.6}
+DEFAULT_CONNECTOR = "header-2.54"
+DEFAULTS: dict[str, Any] = {
+    "name": "board",
+    "house": "coil-0.15",
+    "connector": DEFAULT_CONNECTOR,
+    "layers": 4,
+    "outer_diameter_mm": 9.6,
+}
 USUAL_THICKNESS_MM = 1.6
 WORKED_OUT = ("turns", "resistance_ohm", "inductance_mh")
 """Fields that follow from the others."""
@@ -76,6 +85,20 @@ def house_of(coil: Coil) -> dict[str, Any]:
     if coil.house not in houses:
         raise unknown_name(coil.house, list(houses), "house in board_houses.csv", "coil.house")
     return houses[coil.house]
+
+
+def connector_of(coil: Coil) -> dict[str, Any]:
+    """Return the catalogue's entry of what the coils of a board are plugged to.
+
+    Raises
+    ------
+    SpecError
+        There is no such connector.
+    """
+    connectors = catalogue("connector")
+    if coil.connector not in connectors:
+        raise unknown_name(coil.connector, list(connectors), "connector in connectors.csv", "coil.connector")
+    return connectors[coil.connector]
 
 
 @lru_cache(maxsize=64)
@@ -189,6 +212,7 @@ def completed(given: dict[str, Any]) -> Coil:
     values = _of_house(house) | stated | {"sizing": _sizing(given)}
     coil = build(Coil, values, "coil", {**DEFAULTS, **unknown, **air})
     _refuse(coil, house)
+    connector_of(coil)
     bore_mm = _bore_mm(coil)
     if "inner_diameter_mm" not in given:
         values["inner_diameter_mm"] = bore_mm

@@ -8,10 +8,10 @@ from math import dist
 
 from padgen.core.errors import number
 from padgen.core.files import OutputFolder
-from padgen.planner.board_layout import PIN_MM, Board, arc_centre, board_of
+from padgen.planner.board_layout import Board, arc_centre, board_of
 from padgen.planner.coils.board import house_of
 from padgen.planner.drive_rows import table_csv
-from padgen.planner.fixtures import spacer_mm
+from padgen.planner.fixtures import board_parts, spacer_mm
 from padgen.planner.plan import Plan
 from padgen.solid.formats import ExportJob
 from padgen.solid.gerber import gerber_files, label_strokes
@@ -42,19 +42,7 @@ def write(out: OutputFolder, job: ExportJob) -> None:
     out.write("board.svg", board_svg(board))
     out.write("board.txt", order_text(job.plan, board))
     rows = [
-        (
-            "pin header",
-            len({pin.connector for pin in board.pins}),
-            "pieces",
-            f"2 x {len(board.pins) // 2 // len({pin.connector for pin in board.pins})}, {PIN_MM} mm, straight",
-        ),
-        (
-            "spacer",
-            len(board.holes) or 1,
-            "pieces",
-            f"{number(spacer_mm(job.plan))} mm, between board and pad at each screw; or the one frame that padgen build"
-            " --parts spacer makes",
-        ),
+        *board_parts(job.plan),
         ("board", 1, "pieces", f"{board.layers} layers, {number(board.thickness_mm)} mm: board.txt"),
     ]
     out.write("board-parts.csv", table_csv(("item", "quantity", "unit", "what"), rows))
@@ -78,7 +66,7 @@ files             board-copper-1 (top) to board-copper-{board.layers} (bottom), 
 
 All of a coil is one net: coils are spirals with the space stated between turns, no short circuit.
 A coil has {number(coil.resistance_ohm)} ohm at 20 C and {number(coil.inductance_mh * 1e3)} uH. Between its two pins,
-those of one column of the header, it has with its tracks, in ohm at 20 C:
+those of one column of the connector, it has with its tracks, in ohm at 20 C:
 
 {_ohms_by_coil(board, coil.resistance_ohm)}
 
@@ -127,8 +115,8 @@ def board_svg(board: Board) -> str:
         parts.append(f'<circle cx="{x:.3f}" cy="{-y:.3f}" r="{via.drill_mm / 2:g}" fill="#222"/>')
     for pin in board.pins:
         x, y = pin.at_mm
-        parts.append(f'<circle cx="{x:.3f}" cy="{-y:.3f}" r="0.85" fill="#d9c27a"/>')
-        parts.append(f'<circle cx="{x:.3f}" cy="{-y:.3f}" r="0.5" fill="#222"/>')
+        parts.append(f'<circle cx="{x:.3f}" cy="{-y:.3f}" r="{board.connector.pad_mm / 2:g}" fill="#d9c27a"/>')
+        parts.append(f'<circle cx="{x:.3f}" cy="{-y:.3f}" r="{board.connector.drill_mm / 2:g}" fill="#222"/>')
     for hole in board.holes:
         x, y = hole.at_mm
         parts.append(f'<circle cx="{x:.3f}" cy="{-y:.3f}" r="{hole.diameter_mm / 2:g}" fill="#fff"/>')
