@@ -355,7 +355,12 @@ def board_source(coil: BoardCoil) -> CoilSource:
             loops = _loops_of(coil, layer)
             innermost = _innermost(coil, layer)
             tracks.append(RectangularWinding(loops.outlines, loops.parts, innermost, float(share[k]), top, bottom))
-    return CoilSource(tuple(windings), tracks=tuple(tracks))
+    return CoilSource(tuple(windings), tracks=tuple(tracks), uneven=UNEVEN * coil.pitch / coil.narrower)
+
+
+UNEVEN = 0.9
+"""Bound on how far off a coil's axis the pull of its drawn tracks differs from that of closed turns: over the pull on
+the axis, and over pitch by size (of 80 random coils of both shapes the median has 0.3, docs/boards.md)."""
 
 
 def _innermost(coil: BoardCoil, layer: BoardLayer) -> tuple[tuple[float, float], ...]:

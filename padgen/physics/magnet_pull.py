@@ -145,7 +145,9 @@ def magnet_pull(
     near, beside = np.array(list(row)).T
     spectrum = _spectrum(coil, magnet, float(near.min()), float(beside.max()), steel)
     some = max(AT_ONCE // len(spectrum.k), 1)
-    blocks = [_pulls(spectrum, near[at : at + some], beside[at : at + some]) for at in range(0, len(row), some)]
+    blocks = [
+        _pulls(spectrum, near[at : at + some], beside[at : at + some], coil.uneven) for at in range(0, len(row), some)
+    ]
     return MagnetPull(*np.concatenate(blocks, axis=1)[:, [row[pair] for pair in pairs]])
 
 
@@ -160,7 +162,7 @@ def _rectangular_pulls(
     farthest = float(np.hypot(x, y).max()) + coil.outer_diameter / 2
     least_gap, reach = _shared_range(magnet, float(gap.min()), farthest)
     waves = MagnetWaves(*_magnet_waves(magnet, least_gap, reach, steel), least_gap, reach)
-    pulls = track_pulls(coil.tracks, waves, rows[:, 0], rows[:, 1:])
+    pulls = track_pulls(coil.tracks, waves, rows[:, 0], rows[:, 1:], coil.uneven)
     distance = np.hypot(*rows[:, 1:].T)
     out = rows[:, 1:] / np.where(distance > 0, distance, 1.0)[:, None]
     left = np.stack([-out[:, 1], out[:, 0]], -1)
@@ -172,7 +174,7 @@ def _rectangular_pulls(
     return MagnetPull(*np.stack(both)[:, back.ravel()])
 
 
-def _pulls(spectrum: _Spectrum, gap: np.ndarray, offset: np.ndarray) -> np.ndarray:
+def _pulls(spectrum: _Spectrum, gap: np.ndarray, offset: np.ndarray, uneven: float) -> np.ndarray:
     """Return the fields of `MagnetPull` at gaps and offsets (n,) in m, as an array (13, n)."""
     orders = max((len(core.echo) for core in spectrum.cores), default=1)
     k = spectrum.k
@@ -186,7 +188,9 @@ def _pulls(spectrum: _Spectrum, gap: np.ndarray, offset: np.ndarray) -> np.ndarr
     moment = (fall * turns[0]) @ (spectrum.turned * spectrum.coil)
     doubt = spectrum.faces * spectrum.doubt
     lost = [
-        np.abs((fall * around[0]) @ (power * doubt)) + share * (fall @ np.abs(power * coil))
+        np.abs((fall * around[0]) @ (power * doubt))
+        + share * (fall @ np.abs(power * coil))
+        + uneven * np.abs(fall @ (power * coil))
         for power, share in zip((k, k * k), RULE_SHARES, strict=True)
     ]
     static = np.zeros((5, gap.size))

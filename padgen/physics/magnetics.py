@@ -195,7 +195,8 @@ class CoilSource(NamedTuple):
     """A coil of any kind as a source of field: coaxial windings in series round a core, in m; or tracks, without one.
 
     The core is a cylinder from `core_top` down, of relative permeability `core_permeability`; `core_diameter` 0 is an
-    air core. Nothing reaches above height 0, the coil's top face.
+    air core. Nothing reaches above height 0, the coil's top face. `uneven` bounds by how much spirals pull unlike the
+    closed turns that stand for them here, over the pull on the axis.
     """
 
     windings: tuple[Winding, ...]
@@ -204,6 +205,7 @@ class CoilSource(NamedTuple):
     core_permeability: float = 1.0
     core_top: float = 0.0
     tracks: tuple[RectangularWinding, ...] = ()
+    uneven: float = 0.0
 
     @property
     def layers(self) -> "tuple[Winding | RectangularWinding, ...]":

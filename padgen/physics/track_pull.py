@@ -32,8 +32,8 @@ ALONG = 6
 """Gauss points on a piece of a side."""
 PIECE = 2.0
 """Most length of a piece over the distance of the magnet from the tracks."""
-TRACK_SHARE = 0.04
-"""Error of forces over that on the coil's axis: closed loops are not quite spirals (docs/boards.md)."""
+TRACK_SHARE = 0.004
+"""Error of forces by tables and points, over the force on the coil's axis."""
 
 
 class MagnetWaves(NamedTuple):
@@ -90,9 +90,16 @@ def _pieces(windings: tuple[RectangularWinding, ...]) -> tuple[_Pieces, ...]:
 
 
 def track_pulls(
-    windings: tuple[RectangularWinding, ...], waves: MagnetWaves, gap: np.ndarray, place: np.ndarray
+    windings: tuple[RectangularWinding, ...],
+    waves: MagnetWaves,
+    gap: np.ndarray,
+    place: np.ndarray,
+    uneven: float = 0.0,
 ) -> TrackPulls:
-    """Return pulls of a coil of straight tracks on a magnet `gap` (n,) m above it, at `place` (n, 2) m off its axis."""
+    """Return pulls of a coil of straight tracks on a magnet `gap` (n,) m above it, at `place` (n, 2) m off its axis.
+
+    `uneven` is the coil's `magnetics.CoilSource.uneven`, a further error.
+    """
     pieces = _pieces(windings)
     outer = windings[0].outlines[0]
     outside = np.hypot(*(np.maximum(np.abs(place) - (outer.x, outer.y), 0).T))
@@ -103,7 +110,7 @@ def track_pulls(
         all_tracks = list(zip(pieces, tables, strict=True))
         here = gap == height
         on_axis = _along_tracks(all_tracks, waves.least_gap, PIECE * height, np.zeros((1, 2)))
-        error[:, here] = TRACK_SHARE * np.abs(on_axis[:2])
+        error[:, here] = (TRACK_SHARE + uneven) * np.abs(on_axis[:2])
         # Places as far from the tracks, to a factor of two, share their points along the tracks.
         octave = np.floor(np.log2(np.hypot(outside, height) / height))
         for step in sorted(set(octave[here].tolist())):

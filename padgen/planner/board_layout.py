@@ -29,7 +29,7 @@ from padgen.physics.board_coil import BoardCoil, BoardLayer, board_layers, ends_
 from padgen.planner.coils.board import DEFAULT_CONNECTOR, HEAD_MM, board_coil, connector_of, house_of
 from padgen.planner.layout import SLACK_MM, coil_axis_mm, corner_holes_mm
 from padgen.planner.plan import Plan
-from padgen.spec import Spec
+from padgen.spec import Coil, Spec
 
 __all__ = [
     "Board",
@@ -189,8 +189,7 @@ def board_of(plan: Plan) -> Board:
         vias += own_vias
     half_x = spec.pad.width_mm / 2 + spec.pad.border_mm
     half_y = spec.pad.depth_mm / 2 + spec.pad.border_mm
-    entry = connector_of(spec.coil)
-    connector = Connector(*(entry[key] for key in Connector._fields))
+    connector = _connector(spec.coil)
     sides = _sides(plan, axes, half_x, connector)
     lanes_mm = _lane_widths_mm(plan, coil, sides, axes, connector)
     pins: list[HeaderPin] = []
@@ -236,6 +235,15 @@ def board_of(plan: Plan) -> Board:
         labels=tuple(labels),
         mark_mm=(mark_x, first_y),
     )
+
+
+def _connector(coil: Coil) -> Connector:
+    """Return the connector of a board, its pads wide enough for the ring that the house leaves round a hole."""
+    entry = connector_of(coil)
+    house = house_of(coil)
+    connector = Connector(*(entry[key] for key in Connector._fields))
+    least_mm = round(connector.drill_mm + house["via_mm"] - house["drill_mm"], 6)
+    return connector._replace(pad_mm=max(connector.pad_mm, least_mm))
 
 
 def _track_ohm(coil: BoardCoil, track: Track) -> float:

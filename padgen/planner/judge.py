@@ -164,6 +164,9 @@ def _unknown_leak(plan: Plan) -> Iterator[Finding]:
 
 
 def _unsure_pull(plan: Plan) -> Iterator[Finding]:
+    why = "that one side of it is drawn up and the other down"
+    if plan.spec.coil.kind == "board":
+        why = "that the coil's spirals pull it less or more there than on the other side of the axis"
     for channel in plan.channels:
         if channel.force_error > PULL_ERROR:
             yield Finding(
@@ -172,7 +175,7 @@ def _unsure_pull(plan: Plan) -> Iterator[Finding]:
                 f"channel {channel.index}",
                 f"the pull on its {plan.spec.mover.kind} is known to ± {channel.force_error:.0%}"
                 " only, so far off the coil's axis"
-                f" ({channel.site.coil_distance_mm:.2f} mm) that one side of it is drawn up and the other down",
+                f" ({channel.site.coil_distance_mm:.2f} mm) {why}",
             )
 
 
