@@ -1,6 +1,7 @@
 """How many coils pads on boards need by how many diameters each layout is tried with, and how long their plans take.
 
-python docs/measure_coil_sizes.py [COUNT [FIRST]]: COUNT random specs that leave the coils' diameter open.
+python docs/measure_coil_sizes.py [COUNT [FIRST [SHAPE]]]: COUNT random specs that leave the coils' size open, round
+ones or of another SHAPE.
 """
 
 import os
@@ -21,13 +22,13 @@ from padgen.spec import make_spec
 SIZED = (1, 2, 3)
 
 
-def random_table(seed: int) -> dict[str, Any]:
+def random_table(seed: int, shape: str = "round") -> dict[str, Any]:
     """Return a spec of 8 to 64 magnets over coils on a board, drawn with `seed`."""
     drawn = random.Random(seed)
     lowest_hz = drawn.choice([60, 80, 100, 150])
     taxels = drawn.choice([8, 9, 12, 16, 24, 32, 32, 40, 48, 64])
     side_mm = 50 * drawn.choice([0.8, 1, 1, 1.3, 1.6])
-    coil: dict[str, Any] = {"kind": "board"}
+    coil: dict[str, Any] = {"kind": "board", "shape": shape}
     table = {
         "name": f"random-{seed}",
         "resolution": taxels,
@@ -62,12 +63,14 @@ def works(plan: Plan) -> bool:
 
 def main() -> None:
     """Print coils, working pads and time by diameters tried with each layout, and the pads whose coils differ."""
-    count, first = [*map(int, sys.argv[1:]), *(80, 0)[len(sys.argv) - 1 :]]
+    given = sys.argv[1:]
+    count, first = [*map(int, given[:2]), *(80, 0)[len(given) :]]
+    shape = given[2] if len(given) > 2 else "round"
     coils: dict[int, dict[int, int]] = {}
     for sized in SIZED:
         search.COILS_SIZED = sized
         runs = {
-            seed: planned(random_table(seed)) for seed in track(range(first, first + count), f"{sized} of a layout")
+            seed: planned(random_table(seed, shape)) for seed in track(range(first, first + count), f"{sized} of a layout")
         }
         plans = {seed: plan for seed, (plan, _) in runs.items() if plan}
         coils[sized] = {seed: plan.coils.rows * plan.coils.columns for seed, plan in plans.items() if works(plan)}
