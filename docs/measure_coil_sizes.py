@@ -69,9 +69,8 @@ def main() -> None:
     coils: dict[int, dict[int, int]] = {}
     for sized in SIZED:
         search.COILS_SIZED = sized
-        runs = {
-            seed: planned(random_table(seed, shape)) for seed in track(range(first, first + count), f"{sized} of a layout")
-        }
+        seeds = track(range(first, first + count), f"{sized} of a layout")
+        runs = {seed: planned(random_table(seed, shape)) for seed in seeds}
         plans = {seed: plan for seed, (plan, _) in runs.items() if plan}
         coils[sized] = {seed: plan.coils.rows * plan.coils.columns for seed, plan in plans.items() if works(plan)}
         took_s = [seconds for _, seconds in runs.values()]

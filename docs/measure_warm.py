@@ -210,6 +210,12 @@ def solved(plan: Plan, steps_in_time: int = 0) -> Solved:
     for number, (cx, cy) in enumerate(stack.coils_mm, 1):
         radius = np.hypot(at_x - cx, at_y - cy)
         winding = high & (radius < coil.outer_diameter_mm / 2) & (radius >= coil.inner_diameter_mm / 2)
+        if coil.shape == "rectangular":
+            within, bore = (
+                (np.abs(at_x - cx) < width_mm / 2) & (np.abs(at_y - cy) < depth_mm / 2)
+                for width_mm, depth_mm in (coil.sides_mm, coil.bore_sides_mm)
+            )
+            winding = high & within & ~bore
         wound[winding] = number
         if on_board:
             continue
