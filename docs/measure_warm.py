@@ -26,7 +26,7 @@ from scipy.sparse import coo_matrix, diags
 from scipy.sparse.linalg import cg
 
 from padgen.core.errors import PadgenError
-from padgen.physics.warmth import plate_on_half_space, temperatures
+from padgen.physics.warmth import temperatures
 from padgen.planner import make_plan
 from padgen.planner.fixtures import plan_tray
 from padgen.planner.layout import coil_axis_mm
@@ -46,7 +46,7 @@ SIGMA = 5.670374e-8
 EMISSIVITY = 0.9
 CONTACT_MM = 0.2
 HELD_MM = 2.0
-STEP_MM = float(os.environ.get("STEP_MM", 1.25))
+STEP_MM = float(os.environ.get("STEP_MM", 0.8))
 
 # Beside templates: few and many coils, a wide pitch, a strong level, another plastic, coils on a board, a warm room.
 OWN: list[dict[str, Any]] = [
@@ -391,12 +391,9 @@ def bases() -> None:
         plan = plan_of(name)
         room_c = plan.spec.limits.room_c
         wood = warm_layers(plan)
-        size_m = 2 * wood.width_m.sum(), 2 * wood.depth_m.sum()
-        area = wood.depth_m[:, None] * wood.width_m
-        table = area / (size_m[0] * size_m[1]) * plate_on_half_space(*size_m)
-        seat = 1 / wood.below_w_per_k - 1 / (WOOD * table)
-        below = [1 / seat, wood.below_w_per_k, 1 / (seat + 1 / (FOAM * table)), 0 * area]
-        rises = [temperatures(wood._replace(below_w_per_k=one), room_c)[1].max() - room_c for one in below]
+        grounds = [wood._replace(ground_w_per_m_k=conductivity) for conductivity in (np.inf, WOOD, FOAM)]
+        bases = [*grounds, wood._replace(below_w_per_k=0 * wood.below_w_per_k)]
+        rises = [temperatures(base, room_c)[1].max() - room_c for base in bases]
         print(f"{name:12} " + " ".join(f"{rise / rises[1]:7.2f}" for rise in (rises[0], *rises[2:])))
 
 

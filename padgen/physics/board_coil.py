@@ -36,6 +36,7 @@ from padgen.physics.rectangular_spiral import (
 )
 
 __all__ = [
+    "LAMINATE_ACROSS_W_PER_M_K",
     "LAMINATE_J_PER_M3_K",
     "LAMINATE_KG_PER_M3",
     "LAMINATE_W_PER_M_K",
@@ -59,7 +60,8 @@ __all__ = [
 LAMINATE_KG_PER_M3 = 1850.0
 """Density of glass-epoxy laminate (FR-4): data sheets give 1.8 to 1.9 g/cm³."""
 LAMINATE_W_PER_M_K = 0.81
-"""Conductivity of glass-epoxy along the board (Azar and Graebner, SEMI-THERM 1996; across it 0.29)."""
+LAMINATE_ACROSS_W_PER_M_K = 0.29
+"""Conductivity of glass-epoxy along the board and across it (Azar and Graebner, SEMI-THERM 1996)."""
 LAMINATE_J_PER_M3_K = 2.0e6
 """Heat that laminate takes up: 1850 kg/m³ times some 1100 J/(kg K)."""
 FILAMENTS = 3

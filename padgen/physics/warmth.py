@@ -5,11 +5,16 @@ one to the other through the air gap and the rim, from the lower one into the ta
 room by natural convection and radiation. Films follow from their own temperatures, and the coils' resistance from
 theirs, so that the linear balance is solved a few times.
 
+The table is a half-space of which each patch warms every other: a flow P into a rectangle raises a place of its surface
+by P/(2πk) times the mean of 1/distance (Carslaw and Jaeger, 2nd ed. 1959, 10.5).
+
 Correlations of natural convection: plate facing upwards, Nu = 0.54 Ra^(1/4) with area over perimeter as its length
 (Lloyd and Moran 1974); upright side, Churchill and Chu 1975. Both scatter by some 15 to 25 % on small plates.
 """
 
 from functools import partial
+from itertools import product
+from math import inf
 from typing import NamedTuple
 
 import numpy as np
@@ -19,11 +24,11 @@ from padgen.core.units import COPPER_C, COPPER_MELTS_C, COPPER_PER_K, GRAVITY_M_
 __all__ = [
     "AIR_W_PER_M_K",
     "WARM_ERROR",
+    "Table",
     "WarmLayers",
     "film_above",
     "film_beside",
     "gap_w_per_m2_k",
-    "plate_on_half_space",
     "temperatures",
 ]
 
@@ -54,8 +59,10 @@ class WarmLayers(NamedTuple):
 
     `width_m` (c,) and `depth_m` (r,) are the cells' sides, `heat_w` (r, c) the heat of the coils at 20 °C,
     `sheet_w_per_k` (2, r, c) conductivity times thickness of each layer, `through_w_per_k` (r, c) the conductance
-    between the layers, `below_w_per_k` (r, c) that from the tray to the room through what lies below, `height_m` (2,)
-    the heights of the layers' outer sides, and `stored_j_per_k` (2, r, c) the cells' heat capacity.
+    between the layers, `below_w_per_k` (r, c) that from the tray to the table's surface, `height_m` (2,) the heights of
+    the layers' outer sides, and `stored_j_per_k` (2, r, c) the cells' heat capacity. `to_top_w_per_m2_k`
+    is the conductance from the middle of the upper layer to its top. The table conducts with `ground_w_per_m_k`, by default so well that it is as cold as the room. Its surface is divided into patches: rows of cells with one
+    number in `patch_row` (r,) and columns with one number in `patch_column` (c,).
     """
 
     width_m: np.ndarray
@@ -66,6 +73,10 @@ class WarmLayers(NamedTuple):
     below_w_per_k: np.ndarray
     height_m: np.ndarray
     stored_j_per_k: np.ndarray
+    to_top_w_per_m2_k: float = inf
+    ground_w_per_m_k: float = inf
+    patch_row: np.ndarray = np.zeros(0, int)
+    patch_column: np.ndarray = np.zeros(0, int)
 
 
 def film_above(rise_k: float, length_m: float, room_c: float) -> float:
@@ -73,6 +84,23 @@ def film_above(rise_k: float, length_m: float, room_c: float) -> float:
     rise_k = max(rise_k, LEAST_RISE_K)
     rayleigh = _rayleigh(rise_k, length_m, room_c)
     return AIR_W_PER_M_K / length_m * 0.54 * rayleigh**0.25 + _radiated(rise_k, room_c) * EMISSIVITY
+
+
+def _film_over(rise_k: float, to_top: float, length_m: float, room_c: float) -> float:
+    """Return the coefficient from the middle of a layer, whose rise it is given, through its top to the room."""
+    if to_top == inf or not rise_k:
+        return film_above(rise_k, length_m, room_c)
+    at_top_k = rise_k
+    for _ in range(FILM_ROUNDS):
+        film = film_above(at_top_k, length_m, room_c)
+        at_top_k += (to_top * (rise_k - at_top_k) - film * at_top_k) / (to_top + FILM_GROWTH * film)
+    return to_top * (1 - at_top_k / rise_k)
+
+
+FILM_ROUNDS = 6
+FILM_GROWTH = 1.5
+"""Rounds in which a top's temperature settles, and how much faster its loss grows than in proportion: the middle of
+what convection (1.25) and hot radiation do."""
 
 
 def film_beside(rise_k: float, height_m: float, room_c: float) -> float:
@@ -88,11 +116,65 @@ def gap_w_per_m2_k(gap_m: float, mean_c: float) -> float:
     return AIR_W_PER_M_K / gap_m + 4 * STEFAN_BOLTZMANN * (mean_c + KELVIN) ** 3 / (2 / EMISSIVITY - 1)
 
 
-def plate_on_half_space(width_m: float, depth_m: float) -> float:
-    """Return the shape factor in m (conductance over conductivity) of a plate on a half-space: π W/ln(4 W/L), W ≥ L."""
-    longer = max(width_m, depth_m)
-    shorter = min(width_m, depth_m)
-    return float(np.pi * longer / np.log(4 * longer / shorter))
+class Table:
+    """What flows from the lower layer into the table, whose surface is warmed by the whole of that flow."""
+
+    def __init__(self, layers: WarmLayers) -> None:
+        """Work out how patches of the table's surface warm each other and what flows to them."""
+        self.below = layers.below_w_per_k
+        self.patch = np.zeros(self.below.shape, int)
+        self.rise_per_w: np.ndarray = np.zeros((1, 1))
+        if layers.ground_w_per_m_k == inf:
+            return
+        columns = int(layers.patch_column.max()) + 1
+        self.patch = layers.patch_row[:, None] * columns + layers.patch_column
+        edges_x, edges_y = (
+            np.concatenate([[0.0], np.cumsum(np.bincount(number, size_m))])
+            for number, size_m in ((layers.patch_column, layers.width_m), (layers.patch_row, layers.depth_m))
+        )
+        apart = _half_space(edges_x, edges_y) / layers.ground_w_per_m_k
+        seat = np.bincount(self.patch.ravel(), self.below.ravel())
+        # Surface rises s = R q, with flows q = Σ below (T − s) from the cells above a patch, and B = Σ below:
+        # s = (1 + R B)⁻¹ R Σ below T.
+        self.rise_per_w = np.linalg.solve(np.eye(len(seat)) + apart * seat, apart)
+
+    def flow(self, rise: np.ndarray) -> np.ndarray:
+        """Return what flows into the table in W from cells (r, c) that are `rise` K above the room."""
+        flow = self.below * rise
+        surface = self.rise_per_w @ np.bincount(self.patch.ravel(), flow.ravel(), len(self.rise_per_w))
+        return flow - self.below * surface[self.patch]
+
+
+def _half_space(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Return the rises (n, n) in K of patches of a half-space's surface per W into each, times the conductivity.
+
+    `x` and `y` are the patches' edges in m, from a corner of a plate to its middle; the other three quarters, mirrored,
+    are as warm.
+    """
+    x = x - x[-1]
+    y = y - y[-1]
+    left, near = (part.ravel() for part in np.meshgrid(x[:-1], y[:-1]))
+    right, far = (part.ravel() for part in np.meshgrid(x[1:], y[1:]))
+    total = np.zeros((len(left), len(left)))
+    for share_x, share_y in product(MEAN_AT, MEAN_AT):
+        at_x = left + share_x * (right - left)
+        at_y = near + share_y * (far - near)
+        for sign_x, sign_y in product((1, -1), (1, -1)):
+            sides_x = (np.subtract.outer(sign_x * at_x, edge) for edge in (left, right))
+            sides_y = (np.subtract.outer(sign_y * at_y, edge) for edge in (near, far))
+            for (k, along), (j, across) in product(enumerate(sides_x), list(enumerate(sides_y))):
+                total += (-1) ** (k + j) * _corner(along, across)
+    total /= len(MEAN_AT) ** 2 * 2 * np.pi * (right - left) * (far - near)
+    return np.asarray((total + total.T) / 2)
+
+
+MEAN_AT = (0.2113248654, 0.7886751346)
+"""Where along its sides a patch's rise is taken: Gauss's two points."""
+
+
+def _corner(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Return the integral of 1/distance over a rectangle from a point to a corner `x`, `y` away."""
+    return np.asarray(x * np.arcsinh(y / np.abs(x)) + y * np.arcsinh(x / np.abs(y)))
 
 
 def temperatures(layers: WarmLayers, room_c: float) -> np.ndarray:
@@ -101,7 +183,8 @@ def temperatures(layers: WarmLayers, room_c: float) -> np.ndarray:
     half_m = float(layers.width_m.sum()), float(layers.depth_m.sum())
     length_m = half_m[0] * half_m[1] / sum(half_m)  # area over perimeter of the whole
     right, down = _conductances(layers)
-    top = partial(film_above, length_m=length_m, room_c=room_c)
+    table = Table(layers)
+    top = partial(_film_over, to_top=layers.to_top_w_per_m2_k, length_m=length_m, room_c=room_c)
     side = partial(film_beside, height_m=float(layers.height_m.sum()), room_c=room_c)
     sides = [_side_lengths(layers) * height for height in layers.height_m]
     faces = [(1, area, top), (0, sides[0], side), (1, sides[1], side)]
@@ -117,11 +200,10 @@ def temperatures(layers: WarmLayers, room_c: float) -> np.ndarray:
             excess = (film(mean_k * NEARBY) - coefficient) / (NEARBY - 1)
             out[layer] += face_m2 * (coefficient + excess)
             heat[layer] += face_m2 * excess * rise[layer]
-        out[0] += layers.below_w_per_k
         # The hotter, the more it resists: without an end of that nothing would balance the heat of some coils.
         copper_c = np.minimum(room_c + rise[0], COPPER_MELTS_C)
         heat[0] += layers.heat_w * (1 + COPPER_PER_K * (copper_c - COPPER_C))
-        step = _balanced(right, down, layers.through_w_per_k, out, heat, rise) - rise
+        step = _balanced(right, down, layers.through_w_per_k, out, heat, rise, table) - rise
         # Copper gets hotter round by round, each time by a like share: the rounds to come are added at once.
         alike = 0.0
         if step.min() > 0 and last_step.min() > 0:
@@ -149,7 +231,13 @@ def _side_lengths(layers: WarmLayers) -> np.ndarray:
 
 
 def _balanced(
-    right: np.ndarray, down: np.ndarray, through: np.ndarray, out: np.ndarray, heat: np.ndarray, start: np.ndarray
+    right: np.ndarray,
+    down: np.ndarray,
+    through: np.ndarray,
+    out: np.ndarray,
+    heat: np.ndarray,
+    start: np.ndarray,
+    table: Table,
 ) -> np.ndarray:
     """Return cells' rises over the room in K at which heat in equals heat out, by conjugate gradients from `start`."""
 
@@ -163,11 +251,12 @@ def _balanced(
         flow[:, 1:] += across
         flow[:, :-1] -= across
         upwards = through * (rise[0] - rise[1])
-        flow[0] += upwards
+        flow[0] += upwards + table.flow(rise[0])
         flow[1] -= upwards
         return flow
 
     leaving = out + through
+    leaving[0] += table.below
     leaving[..., 1:] += right
     leaving[..., :-1] += right
     leaving[:, 1:] += down

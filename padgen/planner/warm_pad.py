@@ -11,7 +11,11 @@ from typing import NamedTuple
 import numpy as np
 
 from padgen.core.units import COPPER_C, COPPER_J_PER_M3_K, COPPER_PER_K, G_PER_CM3, MH, MM
-from padgen.physics.board_coil import LAMINATE_J_PER_M3_K, LAMINATE_W_PER_M_K
+from padgen.physics.board_coil import (
+    LAMINATE_ACROSS_W_PER_M_K,
+    LAMINATE_J_PER_M3_K,
+    LAMINATE_W_PER_M_K,
+)
 from padgen.physics.magnetics import impedance
 from padgen.physics.resonator import relative_energy
 from padgen.physics.warmth import (
@@ -19,7 +23,6 @@ from padgen.physics.warmth import (
     WARM_ERROR,
     WarmLayers,
     gap_w_per_m2_k,
-    plate_on_half_space,
     temperatures,
 )
 from padgen.planner.fixtures import FLOOR_MM, HOLE_SHARE, SOCKET_SHARE
@@ -208,10 +211,8 @@ def warm_layers(plan: Plan) -> WarmLayers:
     pad_sheet = PLASTIC_W_PER_M_K * frame * np.where(is_border, 1.0, (1 - window_share) / (1 + window_share))
     through = area / (lower.to_pad + frame / 2 / PLASTIC_W_PER_M_K)
 
-    half_m = width.sum(), depth.sum()
     ground = FOAM_W_PER_M_K if spec.mount.kind == "foam" else WOOD_W_PER_M_K
-    table = ground * plate_on_half_space(2 * half_m[0], 2 * half_m[1]) / (4 * half_m[0] * half_m[1])
-    below = area / (lower.to_table + 1 / table)
+    below = area / lower.to_table
     coil_m2 = prod(_coil_sides_mm(plan)) * MM**2
     heat = np.where(is_coil, plan.load.copper_loss_w * area / coil_m2, 0.0)
 
@@ -219,7 +220,24 @@ def warm_layers(plan: Plan) -> WarmLayers:
     pad_j_per_m2_k = np.full(area.shape, plastic_j_per_m3_k * frame)
     stored = area * np.stack([lower.stored_j_per_m2_k, pad_j_per_m2_k])
     sheet = np.stack([lower.sheet_w_per_k, pad_sheet])
-    return WarmLayers(width, depth, heat, sheet, through, below, np.array([lower.height_m, frame]), stored)
+    heights = np.array([lower.height_m, frame])
+    to_top = 2 * PLASTIC_W_PER_M_K / frame
+    return WarmLayers(width, depth, heat, sheet, through, below, heights, stored, to_top, ground, *_patches(x, y))
+
+
+MOST_PATCHES = 600
+"""Most patches of the table's surface; on larger pads several strips are one."""
+
+
+def _patches(x: "_Strips", y: "_Strips") -> tuple[np.ndarray, np.ndarray]:
+    """Return which row and column of patches of the table's surface each row and column of cells lies over."""
+    strips = 1
+    while ceil(len(x.first) / strips) * ceil(len(y.first) / strips) > MOST_PATCHES:
+        strips *= 2
+    rows, columns = (
+        np.repeat(np.arange(len(side.first)), np.diff([*side.first, len(side.width_m)])) // strips for side in (y, x)
+    )
+    return rows, columns
 
 
 class _LowerLayer(NamedTuple):
@@ -248,6 +266,7 @@ def _tray_layer(plan: Plan, is_coil: np.ndarray, is_border: np.ndarray) -> _Lowe
         gap_w_per_m2_k(max(height - socket_top, CONTACT_M), TYPICAL_GAP_C),
     )
     rim = height / 2 / PLASTIC_W_PER_M_K
+    within = np.where(is_coil, (coil_top - floor) / 2 / WINDING_W_PER_M_K, 0.0)
     hole_share = np.where(is_coil, HOLE_SHARE**2, 0.0)
     floor_w_per_m2_k = (PLASTIC_W_PER_M_K * (1 - hole_share) + AIR_W_PER_M_K * hole_share) / floor
     plastic_j_per_m3_k = plan.spec.material.density_g_per_cm3 * G_PER_CM3 * PLASTIC_J_PER_KG_K
@@ -255,8 +274,8 @@ def _tray_layer(plan: Plan, is_coil: np.ndarray, is_border: np.ndarray) -> _Lowe
     coil_j_per_m2_k = plastic_j_per_m3_k * floor + COPPER_J_PER_M3_K * (coil_top - floor)
     return _LowerLayer(
         sheet_w_per_k=sheet,
-        to_pad=np.where(is_border, rim, 1 / gap),
-        to_table=np.where(is_border, rim, 1 / floor_w_per_m2_k) + CONTACT_M / AIR_W_PER_M_K,
+        to_pad=np.where(is_border, rim, within + 1 / gap),
+        to_table=np.where(is_border, rim, within + 1 / floor_w_per_m2_k) + CONTACT_M / AIR_W_PER_M_K,
         stored_j_per_m2_k=np.where(is_coil, coil_j_per_m2_k, tray_j_per_m2_k),
         height_m=height,
     )
@@ -272,10 +291,11 @@ def _board_layer(plan: Plan, is_coil: np.ndarray, is_border: np.ndarray) -> _Low
     board = coil.length_mm * MM
     gap_m = max((coil.gap_mm - plan.spec.mover_low_mm) * MM, CONTACT_M)
     even = np.ones(is_coil.shape)
+    across = board / 2 / LAMINATE_ACROSS_W_PER_M_K
     return _LowerLayer(
         sheet_w_per_k=LAMINATE_W_PER_M_K * board * even,
-        to_pad=even / gap_w_per_m2_k(gap_m, TYPICAL_GAP_C),
-        to_table=even / gap_w_per_m2_k(BOARD_HELD_M, TYPICAL_GAP_C),
+        to_pad=even * (across + 1 / gap_w_per_m2_k(gap_m, TYPICAL_GAP_C)),
+        to_table=even * (across + 1 / gap_w_per_m2_k(BOARD_HELD_M, TYPICAL_GAP_C)),
         stored_j_per_m2_k=LAMINATE_J_PER_M3_K * board * even,
         height_m=board,
     )

@@ -830,7 +830,7 @@ def test_of_hopeless_choices_few_are_printed(monkeypatch):
 def test_a_printed_choice_counts_beyond_the_bound_on_prints(monkeypatch):
     """More hopeless choices than are printed, each with a higher upper bound, stand before one whose prints work."""
     parts = {
-        "coil": SimpleNamespace(reuse="same", gap_mm=1.0, outer_diameter_mm=10.0),
+        "coil": SimpleNamespace(reuse="same", gap_mm=1.0, sides_mm=(10.0, 10.0)),
         "drive": SimpleNamespace(scheme="auto"),
         "suspension": SimpleNamespace(topology="auto"),
     }

@@ -34,7 +34,7 @@ from padgen.driver.loads import judge_load, load_of
 from padgen.driver.serial_line import plan_hash
 from padgen.driver.waveform import RATES_HZ, drive_at, steady
 from padgen.measured.tuning import levels_um, planned_tuning, tuning_from_json, tuning_to_json, warm_tuning
-from padgen.physics.warmth import WarmLayers, temperatures
+from padgen.physics.warmth import Table, WarmLayers, temperatures
 from padgen.planner import Plan, plan_from_json, plan_to_json
 from padgen.planner.warm_pad import planned_warmth, warm_layers
 from padgen.report.plans import summary_text
@@ -135,20 +135,28 @@ def test_as_much_heat_leaves_as_coils_make_however_hot_they_are(name, times):
     area = np.outer(layers.depth_m, layers.width_m)
     half_m = layers.width_m.sum(), layers.depth_m.sum()
     pad_k = np.average(warm_c[1], weights=area) - room_c
-    leaving_w = area.sum() * pad_k * measure_warm.film_up(pad_k, half_m[0] * half_m[1] / sum(half_m), room_c)
+
+    def off_top(top_k):
+        return top_k * measure_warm.film_up(top_k, half_m[0] * half_m[1] / sum(half_m), room_c)
+
+    # From the middle of the pad heat flows through half of it, and then off its top.
+    to_top = layers.to_top_w_per_m2_k
+    leaving_w = area.sum() * off_top(brentq(lambda top_k: to_top * (pad_k - top_k) - off_top(top_k), 0, pad_k))
     for sheet_c, height_m in zip(warm_c, layers.height_m, strict=True):
         edge_m = np.concatenate([layers.width_m, layers.depth_m])
         edge_k = np.average(np.concatenate([sheet_c[0], sheet_c[:, 0]]), weights=edge_m) - room_c
         film = measure_warm.film_side(edge_k, layers.height_m.sum(), room_c)
         leaving_w += edge_m.sum() * height_m * film * edge_k
-    leaving_w += (layers.below_w_per_k * (warm_c[0] - room_c)).sum()
+    leaving_w += Table(layers).flow(warm_c[0] - room_c).sum()
     made_w = (layers.heat_w * (1 + COPPER_PER_K * (np.minimum(warm_c[0], COPPER_MELTS_C) - COPPER_C))).sum()
     assert leaving_w == pytest.approx(made_w, rel=1e-3)
 
 
-@pytest.mark.parametrize(("name", "share"), [("pad-32", 0.2), ("eight", 0.2), ("board-32", 0.06), ("two-coils", 0.2)])
+@pytest.mark.parametrize(
+    ("name", "share"), [("pad-32", 0.06), ("eight", 0.2), ("fingertip-board-24", 0.08), ("two-coils", 0.2)]
+)
 def test_coils_and_beams_are_as_warm_as_a_heat_solution_says(name, share):
-    """Plans state 30 %; these differ by 3 to 18 %, and a wrong layer by more."""
+    """Plans state 30 %; these differ by 1 to 17 %, and a wrong layer by more."""
     plan = measure_warm.plan_of(name)
     found = measure_warm.solved(plan)
     warm = plan.warm
@@ -163,9 +171,7 @@ def test_boards_are_as_warm_as_a_heat_solution_says():
         found = measure_warm.solved(plan)
         ratios.append(((plan.warm.coil_c - plan.warm.room_c) / found.coil_k, plan.warm.beam_rise_k / found.beam_k))
     off = np.abs(np.array(ratios) - 1)
-    assert (off[:, 0] <= 0.2).sum() >= 10  # by cells of 1.25 mm
-    # Beyond the 30 % that plans state: of one coil alone the table takes more than they count with (docs/warm.md).
-    assert off.max() < 0.35
+    assert off.max() < 0.2
 
 
 def test_hot_beams_are_an_error_with_a_level_that_keeps_them_cool(tmp_path, capsys):
@@ -374,7 +380,7 @@ def test_the_command_says_for_which_warmth_it_drives(tmp_path, capsys):
         assert cli.run([*arguments, *(["-o", str(tmp_path / "x")] if arguments[0] == "drive" else [])]) == 2
         assert "--warm" in capsys.readouterr().err
     assert cli.run(["plan", "paper-pair", "--verbose", "-o", str(tmp_path / "p")]) == 0
-    assert "(1.9 dB less than planned), driven by its voltages 2.7 dB less" in " ".join(capsys.readouterr().out.split())
+    assert "(2.1 dB less than planned), driven by its voltages 2.9 dB less" in " ".join(capsys.readouterr().out.split())
 
 
 def test_a_file_that_is_played_over_and_over_is_as_warm_as_its_heat(tmp_path, eight):

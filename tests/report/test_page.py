@@ -176,7 +176,7 @@ def test_a_touched_plan_says_what_it_keeps_under_a_finger(opened):
     assert values[:2] == [f"{plan.touch.print_db:.1f} dB", f"{typical.all_states_db:.1f} dB"]
     assert "in 90% of prints and fingers" in page.text_content(".figure:first-child p:last-child")
     manual = page.text_content("#manual")
-    assert "12 coils of 12 mm on 4 layers" in manual
+    assert "12 coils of 12 x 10.8 mm on 4 layers" in manual
     assert "Lay the board under the pad" in manual
     # A tenth of the amplifier's 30 V, which every amplifier of the catalogue but small ones gives.
     assert "at a tenth of full scale (-20 dB) and set each output of the amplifier to 3 V peak, 2.1 V rms" in manual
