@@ -60,9 +60,10 @@ class WarmLayers(NamedTuple):
     `width_m` (c,) and `depth_m` (r,) are the cells' sides, `heat_w` (r, c) the heat of the coils at 20 °C,
     `sheet_w_per_k` (2, r, c) conductivity times thickness of each layer, `through_w_per_k` (r, c) the conductance
     between the layers, `below_w_per_k` (r, c) that from the tray to the table's surface, `height_m` (2,) the heights of
-    the layers' outer sides, and `stored_j_per_k` (2, r, c) the cells' heat capacity. `to_top_w_per_m2_k`
-    is the conductance from the middle of the upper layer to its top. The table conducts with `ground_w_per_m_k`, by default so well that it is as cold as the room. Its surface is divided into patches: rows of cells with one
-    number in `patch_row` (r,) and columns with one number in `patch_column` (c,).
+    the layers' outer sides, and `stored_j_per_k` (2, r, c) the cells' heat capacity. `to_top_w_per_m2_k` is the
+    conductance from the middle of the upper layer to its top. The table conducts with `ground_w_per_m_k`, by default so
+    well that it is as cold as the room. Its surface is divided into patches: rows of cells with one number in
+    `patch_row` (r,) and columns with one number in `patch_column` (c,).
     """
 
     width_m: np.ndarray
