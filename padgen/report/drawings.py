@@ -12,7 +12,8 @@ import numpy as np
 
 from padgen.core.display import COLOURS, INK, PALE
 from padgen.core.errors import InfeasibleError, number, plural
-from padgen.planner.fixtures import plan_tray
+from padgen.planner.board_layout import board_of
+from padgen.planner.fixtures import plan_tray, spacer_mm
 from padgen.planner.guard import pin_places
 from padgen.planner.layout import Outline, coil_axis_mm, corner_groove, outline, to_cell
 from padgen.planner.pins import felt_parts
@@ -56,6 +57,8 @@ FILLS = {
     "beam behind": "#f6ddaa",
     "inside": "#7d786c",
     "socket": "#55666f",
+    "spacer": "#b9cad3",
+    "connector": "#3a3f46",
     "hole": "#55524b",
 }
 SMALL_PT = 8.0
@@ -511,6 +514,38 @@ class Prism(NamedTuple):
     high: float
 
 
+def _board_solids(plan: Plan, grid: Sequence[tuple[float, float]], low: float) -> tuple[list[Prism], list[Prism]]:
+    """Return a board with its coils and connectors from a height up, and the spacers on it; no spacers without screws.
+
+    Where the tracks have no room it is as large as the pad.
+    """
+    coil = plan.spec.coil
+    top = low + coil.length_mm
+    spirals = [Prism("coil", coil_outline(coil, x, y), top, top) for x, y in grid]
+    try:
+        board = board_of(plan)
+    except InfeasibleError:
+        return [Prism("board", pad_corners(plan), low, top), *spirals], []
+    left, near, right, far = board.outline_mm
+    solids = [Prism("board", rectangle(left, right, near, far), low, top), *spirals]
+    for index in sorted({pin.connector for pin in board.pins}):
+        pins = np.array([pin.at_mm for pin in board.pins if pin.connector == index])
+        (x0, y0), (x1, y1) = pins.min(0) - board.connector.body_mm, pins.max(0) + board.connector.body_mm
+        solids.append(Prism("connector", rectangle(x0, x1, y0, y1), top, top + CONNECTOR_MM))
+    above = top + CONNECTOR_MM
+    holes = sorted(board.holes, key=lambda hole: -float(np.array(hole.at_mm) @ TURN[1]))
+    spacers = [
+        Prism("spacer", circle(*hole.at_mm, hole.diameter_mm + 2 * SPACER_WALL_MM), above, above + spacer_mm(plan))
+        for hole in holes
+    ]
+    return solids, spacers
+
+
+CONNECTOR_MM = 2.5
+SPACER_WALL_MM = 1.0
+"""Height of connectors and wall of spacers as they are drawn."""
+
+
 def projected(places: Points, z: float) -> Points:
     """Project places (n, 2) at a height in mm onto the picture's plane, in parallel and from above."""
     right, away = (places @ TURN.T).T
@@ -552,9 +587,11 @@ def draw_exploded(plan: Plan) -> Any:
     coils = [*chain(*zip(windings, cores, strict=True))]
     words = f"{len(grid)} coil{plural(len(grid))}"
     if coil.kind == "board":
-        spirals = [Prism("coil", coil_outline(coil, x, y), top, top) for x, y in grid]
-        board = [Prism("board", edges, z, top), *spirals]
+        board, spacers = _board_solids(plan, grid, z)
         layers.append(("board", "1 board", f"printed circuit: {words},\nan amplifier output each", board))
+        if spacers:
+            layers.append(("spacer", f"{len(spacers)} spacers", "or one printed frame: sets the gap", spacers))
+            top = spacers[0].high
     else:
         layers.append(("coil", words, "an amplifier output each", coils))
     z = top + step

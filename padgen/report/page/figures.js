@@ -109,7 +109,11 @@ function discs(panel, figure) {
     mark.x.flatMap((x, k) => {
       const font = Math.min(3.6 * size, mark.diameter * 0.425);
       const y = -mark.y[k];
-      return [s("circle", { cx: x, cy: y, r: mark.diameter / 2, class: mark.role, "stroke-width": 0.35 * size }), s("text", { x, y: y + font * 0.36, "text-anchor": "middle", "font-size": font, class: "number" }, mark.numbers[k])];
+      const style = { class: mark.role, "stroke-width": 0.35 * size };
+      const outline = mark.depth === null
+        ? s("circle", { cx: x, cy: y, r: mark.diameter / 2, ...style })
+        : s("rect", { x: x - mark.diameter / 2, y: y - mark.depth / 2, width: mark.diameter, height: mark.depth, ...style });
+      return [outline, s("text", { x, y: y + font * 0.36, "text-anchor": "middle", "font-size": font, class: "number" }, mark.numbers[k])];
     }),
   );
   return [s("svg", { viewBox: `${x0 - 2 * size} ${-y1 - 2 * size} ${x1 - x0 + 4 * size} ${y1 - y0 + 7 * size}`, class: "map", role: "img", "aria-label": figure.description }, shapes, marks)];
