@@ -104,6 +104,30 @@ def test_heat_decays_along_a_sheet_as_in_a_fin():
     assert rise[-1 - far] / rise[-1 - 2 * far] == pytest.approx(np.exp(far * width_m[0] / decay_m), rel=1e-2)
 
 
+@pytest.mark.parametrize("sides_m", [(0.06, 0.06), (0.1, 0.04)])
+def test_a_table_takes_from_a_plate_and_from_a_spot_what_a_half_space_does(sides_m):
+    """A square plate on a half-space conducts 2.31 k per side (0.367 · 2π, its capacitance); a spot as if alone."""
+    wide, deep = sides_m
+    count = 12
+    patches = np.arange(count)
+    layers = even_layers(np.full(count, wide / 2 / count), 0.0, 1.0, 1.0, 1e9)._replace(
+        depth_m=np.full(count, deep / 2 / count), ground_w_per_m_k=0.15, patch_row=patches, patch_column=patches
+    )
+    plate = 4 * Table(layers).flow(np.ones((count, count))).sum()
+    if wide == deep:
+        assert plate == pytest.approx(0.367 * 2 * np.pi * 0.15 * wide, rel=0.03)
+    # Of all plates of an area the disc, 4 k r, conducts least (Pólya and Szegő); one 2.5 times as long not much more.
+    disc = 4 * 0.15 * np.sqrt(wide * deep / np.pi)
+    assert disc < plate < 1.1 * disc
+    # Only the middle third touches.
+    spot = np.zeros((count, count))
+    spot[-4:, -4:] = 1e6  # W/K
+    alone = 4 * Table(layers._replace(below_w_per_k=spot)).flow(np.ones((count, count))).sum()
+    if wide == deep:
+        assert alone == pytest.approx(0.367 * 2 * np.pi * 0.15 * wide / 3, rel=0.05)
+    assert alone > 1.5 * plate / 9
+
+
 def test_a_coil_that_heats_itself_without_end_is_told_as_too_hot():
     # Of 905 kΩ: copper resists more the hotter it is, so that no temperature balances its heat.
     four_lines = {"name": "hot", "resolution": 8, "band_hz": [50.0, 200.0], "q_min": 15.0}

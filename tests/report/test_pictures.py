@@ -21,6 +21,7 @@ from padgen.core.errors import number
 from padgen.planner import make_plan
 from padgen.planner.layout import coil_axis_mm
 from padgen.report.charts import picture
+from padgen.report.figures import figures_of
 from padgen.solid.mesh import as_manifold
 from padgen.spec import parse_spec
 from tests.conftest import SMALL
@@ -137,6 +138,16 @@ def test_the_stack_counts_all_parts(paper_plan):
     )
     told = {text.get_text() for text in picture(without, "exploded").axes[0].texts}
     assert "1 tray" not in told and "16 coils" in told, "coils too near for a tray"
+
+
+def test_rectangular_coils_are_drawn_as_they_are():
+    plan = pg.plan("fingertip-board-24")
+    (coils,) = figures_of(plan, "wiring", "draw")[0].panels[0].marks
+    assert (coils.diameter, coils.depth) == (12, 10.8)
+    assert_readable(picture(plan, "wiring"))
+    # Seen along the beam, which lies along y, the coil is as wide as it is deep.
+    told = {text.get_text() for text in picture(plan, "section").axes[0].texts}
+    assert any("copper, 12 across" in words or "copper, 10.8 across" in words for words in told)
 
 
 def test_the_wiring_follows_the_channels_of_the_file(paper_plan):
@@ -261,7 +272,7 @@ def test_the_stack_shows_a_board_and_the_ballast():
     figure = picture(plan, "exploded")
     assert_readable(figure)
     told = " ".join(text.get_text() for text in figure.axes[0].texts)
-    for words in ("1 board", "24 magnets", "24 steel-rod-4x2", "12 coils"):
+    for words in ("1 board", "24 magnets", "24 steel-rod-4x2", "12 coils", "4 spacers"):
         assert words in told
     figure = picture(plan, "section")
     assert_readable(figure)

@@ -17,7 +17,7 @@ from padgen.core.errors import InfeasibleError
 from padgen.core.units import COPPER_OHM_M
 from padgen.planner.board_layout import arc_centre, board_findings, board_of
 from padgen.planner.coils.board import board_coil, completed, house_of, resized, widest_mm
-from padgen.planner.fixtures import plan_spacer, spacer_findings
+from padgen.planner.fixtures import board_parts, plan_spacer, spacer_findings
 from padgen.planner.pad_mass import PadMass
 from padgen.solid.formats import board as board_format
 from padgen.solid.gerber import gerber_files
@@ -189,6 +189,30 @@ def test_files_are_written_and_the_same_again(plan):
     rules = json.loads(written[0]["board.kicad_pro"])["board"]["design_settings"]["rules"]
     house = catalogue("board_house")["coil-0.15"]
     assert (rules["min_clearance"], rules["min_track_width"]) == (house["space_mm"], house["track_mm"])
+
+
+def test_connectors_of_the_catalogue(plan):
+    """JST's PHD: rows and pins 2 mm apart, 4 to 17 columns; pads as wide as the house's ring round a hole asks."""
+    for house, pad_mm in (("coil-0.15", 1.2), ("heavy-0.2", 1.26)):
+        coil = completed({"kind": "board", "house": house, "gap_mm": 1.0, "connector": "jst-phd"})
+        coil = resized(coil, (9.6, 9.6)) if house == "coil-0.15" else resized(coil, (8.0, 8.0))
+        spec = replace(plan.spec, coil=coil)
+        four = replace(plan, spec=spec, coils=replace(plan.coils, rows=4, columns=4))
+        board = board_of(four)
+        assert len(board.pins) == 32 and board.connector.pad_mm == pad_mm
+        first, second = (np.array([pin.at_mm for pin in board.pins if pin.row == row]) for row in (0, 1))
+        assert np.diff(first[:, 0]) == pytest.approx([2.0] * 15)
+        assert first - second == pytest.approx(np.tile([0.0, 2.0], (16, 1)))
+        text = gerber_files(board)["plated.drl"]
+        assert "C0.75" in text
+        assert [row[3] for row in board_parts(four) if row[0] == "connector"] == [
+            "JST B32B-PHDSS, vertical; plug PHDR-32VS with wires crimped"
+        ]
+    few = replace(plan, spec=spec, coils=replace(plan.coils, rows=1, columns=3))
+    with pytest.raises(InfeasibleError, match=r"coil\.connector: must be one of fewer pins than 'jst-phd'"):
+        board_of(few)
+    (finding,) = board_findings(few)
+    assert finding.code == "board.room" and {"coil.connector": "header-2.54"} in finding.cures
 
 
 def test_refusals_of_boards(plan):
