@@ -24,8 +24,8 @@ from padgen.core.units import COPPER_C, COPPER_MELTS_C, COPPER_PER_K, GRAVITY_M_
 __all__ = [
     "AIR_W_PER_M_K",
     "WARM_ERROR",
-    "Table",
     "WarmLayers",
+    "WarmedTable",
     "film_above",
     "film_beside",
     "gap_w_per_m2_k",
@@ -117,7 +117,7 @@ def gap_w_per_m2_k(gap_m: float, mean_c: float) -> float:
     return AIR_W_PER_M_K / gap_m + 4 * STEFAN_BOLTZMANN * (mean_c + KELVIN) ** 3 / (2 / EMISSIVITY - 1)
 
 
-class Table:
+class WarmedTable:
     """What flows from the lower layer into the table, whose surface is warmed by the whole of that flow."""
 
     def __init__(self, layers: WarmLayers) -> None:
@@ -184,7 +184,7 @@ def temperatures(layers: WarmLayers, room_c: float) -> np.ndarray:
     half_m = float(layers.width_m.sum()), float(layers.depth_m.sum())
     length_m = half_m[0] * half_m[1] / sum(half_m)  # area over perimeter of the whole
     right, down = _conductances(layers)
-    table = Table(layers)
+    table = WarmedTable(layers)
     top = partial(_film_over, to_top=layers.to_top_w_per_m2_k, length_m=length_m, room_c=room_c)
     side = partial(film_beside, height_m=float(layers.height_m.sum()), room_c=room_c)
     sides = [_side_lengths(layers) * height for height in layers.height_m]
@@ -238,7 +238,7 @@ def _balanced(
     out: np.ndarray,
     heat: np.ndarray,
     start: np.ndarray,
-    table: Table,
+    table: WarmedTable,
 ) -> np.ndarray:
     """Return cells' rises over the room in K at which heat in equals heat out, by conjugate gradients from `start`."""
 

@@ -34,7 +34,7 @@ from padgen.driver.loads import judge_load, load_of
 from padgen.driver.serial_line import plan_hash
 from padgen.driver.waveform import RATES_HZ, drive_at, steady
 from padgen.measured.tuning import levels_um, planned_tuning, tuning_from_json, tuning_to_json, warm_tuning
-from padgen.physics.warmth import Table, WarmLayers, temperatures
+from padgen.physics.warmth import WarmedTable, WarmLayers, temperatures
 from padgen.planner import Plan, plan_from_json, plan_to_json
 from padgen.planner.warm_pad import planned_warmth, warm_layers
 from padgen.report.plans import summary_text
@@ -113,7 +113,7 @@ def test_a_table_takes_from_a_plate_and_from_a_spot_what_a_half_space_does(sides
     layers = even_layers(np.full(count, wide / 2 / count), 0.0, 1.0, 1.0, 1e9)._replace(
         depth_m=np.full(count, deep / 2 / count), ground_w_per_m_k=0.15, patch_row=patches, patch_column=patches
     )
-    plate = 4 * Table(layers).flow(np.ones((count, count))).sum()
+    plate = 4 * WarmedTable(layers).flow(np.ones((count, count))).sum()
     if wide == deep:
         assert plate == pytest.approx(0.367 * 2 * np.pi * 0.15 * wide, rel=0.03)
     # Of all plates of an area the disc, 4 k r, conducts least (Pólya and Szegő); one 2.5 times as long not much more.
@@ -122,7 +122,7 @@ def test_a_table_takes_from_a_plate_and_from_a_spot_what_a_half_space_does(sides
     # Only the middle third touches.
     spot = np.zeros((count, count))
     spot[-4:, -4:] = 1e6  # W/K
-    alone = 4 * Table(layers._replace(below_w_per_k=spot)).flow(np.ones((count, count))).sum()
+    alone = 4 * WarmedTable(layers._replace(below_w_per_k=spot)).flow(np.ones((count, count))).sum()
     if wide == deep:
         assert alone == pytest.approx(0.367 * 2 * np.pi * 0.15 * wide / 3, rel=0.05)
     assert alone > 1.5 * plate / 9
@@ -171,7 +171,7 @@ def test_as_much_heat_leaves_as_coils_make_however_hot_they_are(name, times):
         edge_k = np.average(np.concatenate([sheet_c[0], sheet_c[:, 0]]), weights=edge_m) - room_c
         film = measure_warm.film_side(edge_k, layers.height_m.sum(), room_c)
         leaving_w += edge_m.sum() * height_m * film * edge_k
-    leaving_w += Table(layers).flow(warm_c[0] - room_c).sum()
+    leaving_w += WarmedTable(layers).flow(warm_c[0] - room_c).sum()
     made_w = (layers.heat_w * (1 + COPPER_PER_K * (np.minimum(warm_c[0], COPPER_MELTS_C) - COPPER_C))).sum()
     assert leaving_w == pytest.approx(made_w, rel=1e-3)
 
