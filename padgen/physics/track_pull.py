@@ -28,12 +28,12 @@ __all__ = ["MagnetWaves", "TrackPulls", "track_pulls"]
 
 STEP = 0.02
 """Step of asinh(ρ/ρ₀) in the tables, ρ₀ being the smallest gap for which the spectrum holds."""
-ALONG = 6
+ALONG = 4
 """Gauss points on a piece of a side."""
 PIECE = 2.0
 """Most length of a piece over the distance of the magnet from the tracks."""
-TRACK_SHARE = 0.004
-"""Error of forces by tables and points, over the force on the coil's axis."""
+TRACK_SHARE = np.array([0.004, 0.03])
+"""Errors of forces and of slopes by tables and points, over those on the coil's axis."""
 
 
 class MagnetWaves(NamedTuple):
@@ -65,28 +65,30 @@ class TrackPulls(NamedTuple):
 
 
 class _Pieces(NamedTuple):
-    """Tracks that lie alike on some layers as straight pieces: starts (n, 2) and ways (n, 2) in m; and those layers.
+    """Tracks as straight pieces: starts (n, 2) and ways (n, 2) in m, and which of the sets of layers each lies on (n,).
 
-    All but the innermost turns are closed loops; these lie where they are drawn.
+    All but the innermost turns are closed loops; these lie where they are drawn. Tracks that all layers have are there
+    once, on the first set, which is all layers.
     """
 
     start: np.ndarray
     way: np.ndarray
-    layers: tuple[int, ...]
+    lies_on: np.ndarray
+    layers: tuple[tuple[int, ...], ...]
 
 
 @lru_cache(maxsize=64)
-def _pieces(windings: tuple[RectangularWinding, ...]) -> tuple[_Pieces, ...]:
-    """Return the turns that all layers have, and of each layer what it has besides."""
+def _pieces(windings: tuple[RectangularWinding, ...]) -> _Pieces:
     whole = [w.outlines[: w.parts.count(1.0) - 1] for w in windings]
     common = [loop for loop in whole[0] if all(loop in loops for loops in whole)]
-    by_layers = [(tuple(range(len(windings))), [loop_segments(loop) for loop in common])]
-    for k, (winding, loops) in enumerate(zip(windings, whole, strict=True)):
+    segments = [[loop_segments(loop) for loop in common]]
+    for winding, loops in zip(windings, whole, strict=True):
         besides = [loop_segments(loop) for loop in loops if loop not in common]
-        besides.append(np.array(list(pairwise(winding.inner))))
-        by_layers.append(((k,), besides))
-    ends = [(layers, np.concatenate(segments)) for layers, segments in by_layers if segments]
-    return tuple(_Pieces(each[:, 0], each[:, 1] - each[:, 0], layers) for layers, each in ends)
+        segments.append([*besides, np.array(list(pairwise(winding.inner)))])
+    ends = np.concatenate([each for of_set in segments for each in of_set])
+    lies_on = np.repeat(np.arange(len(segments)), [sum(map(len, of_set)) for of_set in segments])
+    layers = (tuple(range(len(windings))), *((k,) for k in range(len(windings))))
+    return _Pieces(ends[:, 0], ends[:, 1] - ends[:, 0], lies_on, layers)
 
 
 def track_pulls(
@@ -102,22 +104,25 @@ def track_pulls(
     """
     pieces = _pieces(windings)
     outer = windings[0].outlines[0]
+    heights, of_height = np.unique(gap, return_inverse=True)
+    sets = [[windings[k] for k in layers] for layers in pieces.layers]
+    tables = np.array([[_table(some, waves, height) for some in sets] for height in heights.tolist()])
+    # After the places themselves, for the errors, those on the axis, one at each height.
+    place = np.concatenate([place, np.zeros((len(heights), 2))])
+    of_height = np.append(of_height.ravel(), np.arange(len(heights)))
     outside = np.hypot(*(np.maximum(np.abs(place) - (outer.x, outer.y), 0).T))
-    result = np.zeros((6, len(gap)))
-    error = np.zeros((2, len(gap)))
-    for height in sorted(set(gap.tolist())):
-        tables = [_table([windings[k] for k in each.layers], waves, height) for each in pieces]
-        all_tracks = list(zip(pieces, tables, strict=True))
-        here = gap == height
-        on_axis = _along_tracks(all_tracks, waves.least_gap, PIECE * height, np.zeros((1, 2)))
-        error[:, here] = (TRACK_SHARE + uneven) * np.abs(on_axis[:2])
-        # Places as far from the tracks, to a factor of two, share their points along the tracks.
-        octave = np.floor(np.log2(np.hypot(outside, height) / height))
-        for step in sorted(set(octave[here].tolist())):
-            alike = np.flatnonzero(here & (octave == step))
-            result[:, alike] = _along_tracks(all_tracks, waves.least_gap, PIECE * height * 2**step, place[alike])
-    force, slope, side_x, side_y, low_x, low_y = result
-    return TrackPulls(force, slope, np.stack([side_x, side_y], -1), np.stack([low_x, low_y], -1), *error)
+    # Places as far from the tracks, to a factor of two, share their points along the tracks.
+    octave = np.floor(np.log2(np.hypot(outside, heights[of_height]) / heights[0]))
+    result = np.zeros((6, len(place)))
+    for step in np.unique(octave):
+        alike = octave == step
+        longest = PIECE * heights[0] * 2**step
+        result[:, alike] = _along_tracks(pieces, tables, waves.least_gap, longest, place[alike], of_height[alike])
+    on_axis = np.abs(result[:2, len(gap) :])[:, of_height[: len(gap)]]
+    force, slope, side_x, side_y, low_x, low_y = result[:, : len(gap)]
+    error, slope_error = (TRACK_SHARE[:, None] + uneven) * on_axis
+    side = np.stack([side_x, side_y], -1)
+    return TrackPulls(force, slope, side, np.stack([low_x, low_y], -1), error, slope_error)
 
 
 @lru_cache(maxsize=16)
@@ -146,16 +151,13 @@ def _table(windings: Sequence[RectangularWinding], waves: MagnetWaves, gap: floa
 
 
 def _along_tracks(
-    tracks: Sequence[tuple[_Pieces, np.ndarray]], scale: float, longest: float, place: np.ndarray
+    pieces: _Pieces, tables: np.ndarray, scale: float, longest: float, place: np.ndarray, of_height: np.ndarray
 ) -> np.ndarray:
-    """Return the sums (6, n) along tracks: force, slope, and side force and moment along x and y.
+    """Return the sums (6, n) along all tracks: force, slope, and side force and moment along x and y.
 
-    Each of the tracks comes with its table, of which `scale` is the ρ₀. No piece of a side is longer than `longest` m.
+    `tables` (heights, sets of layers, points, 4) have `scale` as their ρ₀, `of_height` (n,) is which of the heights a
+    place has. No piece of a side is longer than `longest` m.
     """
-    return np.asarray(sum(_along_some(pieces, table, scale, longest, place) for pieces, table in tracks))
-
-
-def _along_some(pieces: _Pieces, table: np.ndarray, scale: float, longest: float, place: np.ndarray) -> np.ndarray:
     count = np.ceil(np.hypot(*pieces.way.T) / longest).astype(int)
     at, weight = gauss(ALONG)
     of = np.repeat(np.arange(len(count)), count)
@@ -163,6 +165,9 @@ def _along_some(pieces: _Pieces, table: np.ndarray, scale: float, longest: float
     share = (first[:, None] + at) / count[of][:, None]
     points = (pieces.start[of][:, None] + share[..., None] * pieces.way[of][:, None]).reshape(-1, 2)
     step = ((weight / count[of][:, None])[..., None] * pieces.way[of][:, None]).reshape(-1, 2)
+    rows = tables.reshape(-1, tables.shape[-1])
+    row = np.repeat(pieces.lies_on[of], ALONG) * tables.shape[2]
+    row_of_place = of_height * tables.shape[1] * tables.shape[2]
     sums = np.empty((6, len(place)))
     some = max(BLOCK // len(points), 1)
     for begin in range(0, len(place), some):
@@ -170,8 +175,9 @@ def _along_some(pieces: _Pieces, table: np.ndarray, scale: float, longest: float
         x, y = np.moveaxis(points - place[block, None], -1, 0)
         steps = np.arcsinh(np.hypot(x, y) / scale) / STEP
         low = steps.astype(int)
-        below = table[low]
-        values = below + (steps - low)[..., None] * (table[low + 1] - below)
+        at_row = low + row + row_of_place[block, None]
+        below = rows[at_row]
+        values = below + (steps - low)[..., None] * (rows[at_row + 1] - below)
         lever = x * step[:, 1] - y * step[:, 0]
         sums[:2, block] = np.einsum("npk,np->kn", values[..., :2], lever)
         along_x, along_y = np.einsum("npk,pj->jkn", values[..., 2:], step)

@@ -65,7 +65,7 @@ def demagnetising_limit_c(part: Magnet) -> float:
 LEAST_SHARE = 0.05
 """Share of the pull on the coil's axis below which a place is out of the coil's reach: it would take 20 times the
 current."""
-REACH_PLACES = {"round": 40, "rectangular": 14}
+REACH_PLACES = {"round": 40, "rectangular": 9}
 USUAL_GAP_MM = 1.0
 """Number of offsets at which the reach is looked for, in one direction or in three, and the gap where it is still to be
 found."""
