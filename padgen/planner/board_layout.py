@@ -26,6 +26,7 @@ from typing import Any, NamedTuple
 from padgen.core.errors import Finding, InfeasibleError, at_most, number
 from padgen.core.units import COPPER_OHM_M, MM
 from padgen.physics.board_coil import BoardCoil, BoardLayer, board_layers, ends_at_via, rectangle_path, side_via
+from padgen.planner.coils import without_sizes
 from padgen.planner.coils.board import DEFAULT_CONNECTOR, HEAD_MM, board_coil, connector_of, house_of
 from padgen.planner.layout import SLACK_MM, coil_axis_mm, corner_holes_mm
 from padgen.planner.plan import Plan
@@ -154,7 +155,7 @@ def board_findings(plan: Plan) -> Iterator[Finding]:
     except InfeasibleError as error:
         turned = [plan.coils.columns, plan.coils.rows]
         message = f"it cannot be made: {error.where} {error.message}"
-        cures: tuple[dict[str, Any], ...] = ({"coil.outer_diameter_mm": None}, {"coil.grid": turned})
+        cures: tuple[dict[str, Any], ...] = (without_sizes(spec.coil), {"coil.grid": turned})
         if spec.coil.connector != DEFAULT_CONNECTOR:
             cures = ({"coil.connector": DEFAULT_CONNECTOR}, *cures)
         yield Finding("error", "board.room", "board", message, cures)

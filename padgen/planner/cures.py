@@ -11,6 +11,7 @@ from operator import itemgetter
 from typing import Any
 
 from padgen.core.errors import InfeasibleError, PadgenError, SolverError, SpecError, cured, number, plural
+from padgen.planner.coils import without_sizes
 from padgen.planner.layout import (
     SLACK_MM,
     Layout,
@@ -306,7 +307,7 @@ def _cures(spec: Spec, limit: int) -> Iterator[Cure]:
     if not any(_best_layout(spec, limit, cure) for cure in (larger_pads[0], larger_pads[-1])):
         larger_pads = []  # what lies between is not worth its time
     ways: list[list[Cure]] = [
-        [{"coil.outer_diameter_mm": None}] if spec.coil.sizing == "given" and is_resizable(spec.coil) else [],
+        [without_sizes(spec.coil)] if spec.coil.sizing == "given" and is_resizable(spec.coil) else [],
         other_shapes(spec),
         [{"coil": e["name"]} for e in sorted(larger, key=diameter)],
         [{spec.mover_table_name: e["name"]} for e in sorted(smaller, key=diameter, reverse=True)],

@@ -15,9 +15,10 @@ from scipy.spatial import KDTree
 import padgen as pg
 from padgen.core.errors import InfeasibleError
 from padgen.core.units import COPPER_OHM_M
-from padgen.planner.board_layout import arc_centre, board_findings, board_of
+from padgen.planner.board_layout import arc_centre, board_findings, board_of, coil_path
 from padgen.planner.coils.board import board_coil, completed, house_of, resized, widest_mm
 from padgen.planner.fixtures import board_parts, plan_spacer, spacer_findings
+from padgen.planner.layout import coil_axis_mm
 from padgen.planner.pad_mass import PadMass
 from padgen.solid.formats import board as board_format
 from padgen.solid.gerber import gerber_files
@@ -116,18 +117,24 @@ def test_resistances_between_pins_are_those_of_all_that_is_drawn(plan, wiring):
         assert network_ohm(board, board_coil(of_coil), net) == pytest.approx(stated, rel=0.005)
 
 
+@pytest.mark.parametrize("shape", ["round", "rectangular"])
 @pytest.mark.parametrize(
     ("wiring", "house"), [("series", "coil-0.15"), ("series", "fine-0.1"), ("parallel", "coil-0.15")]
 )
-def test_tracks_to_the_pins_keep_clear_of_the_turns(plan, wiring, house):
+def test_tracks_to_the_pins_keep_clear_of_the_turns(plan, wiring, house, shape):
     """KiCad does not look at distances within a net: all but the coil's last half turn is as far as the house asks."""
-    of_coil = completed({"kind": "board", "wiring": wiring, "house": house, "gap_mm": plan.spec.coil.gap_mm})
+    given = {"kind": "board", "wiring": wiring, "house": house, "shape": shape, "gap_mm": plan.spec.coil.gap_mm}
+    of_coil = completed(given)
     board = board_of(replace(plan, spec=replace(plan.spec, coil=of_coil)))
     for net, layer in product((1, 4, len(board.nets)), (0, board.layers - 1)):
         own = [track for track in board.tracks if (track.net, track.layer) == (net, layer)]
-        turns = [track for track in own if track.middle_mm is not None][:-1]
-        ways = [track for track in own if track.middle_mm is None]
-        leads = ways[1 + (wiring == "parallel") :]
+        row, column = divmod(net - 1, plan.coils.columns)
+        path, _ = coil_path(board_coil(of_coil), net, coil_axis_mm(plan.coils, row, column))
+        coils_own = [track for track in path if track.layer == layer]
+        leads = [track for track in own if track not in coils_own]
+        # Without the links to vias, and the last half turn.
+        spiral = coils_own[: -1 - (wiring == "parallel")]
+        turns = spiral[: -1 if shape == "round" else -4]
         assert len(leads) >= 3
         copper = KDTree(np.concatenate([points_of(track, 0.02) for track in turns]))
         for lead in leads:

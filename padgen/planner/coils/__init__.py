@@ -20,7 +20,7 @@ from padgen.core.registry import COILS
 from padgen.physics.magnetics import CoilSource, Winding
 from padgen.spec import Coil
 
-__all__ = ["CoilKind", "CoilSource", "Winding", "coil_source", "register", "unregister"]
+__all__ = ["CoilKind", "CoilSource", "Winding", "coil_source", "register", "unregister", "without_sizes"]
 
 
 class CoilKind(Protocol):
@@ -32,6 +32,12 @@ class CoilKind(Protocol):
 
 register = COILS.register
 unregister = COILS.unregister
+
+
+def without_sizes(coil: Coil) -> dict[str, None]:
+    """Return the change of a spec that leaves the sizes of a coil, whose kind is resizable, to the search."""
+    sizes = ["outer_diameter_mm"] if coil.shape == "round" else ["outer_diameter_mm", "outer_depth_mm"]
+    return dict.fromkeys(f"coil.{size}" for size in sizes)
 
 
 def coil_source(coil: Coil) -> CoilSource:
