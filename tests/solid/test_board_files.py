@@ -212,9 +212,9 @@ def test_connectors_of_the_catalogue(plan):
         assert first - second == pytest.approx(np.tile([0.0, 2.0], (16, 1)))
         text = gerber_files(board)["plated.drl"]
         assert "C0.75" in text
-        assert [row[3] for row in board_parts(four) if row[0] == "connector"] == [
-            "JST B32B-PHDSS, vertical; plug PHDR-32VS with wires crimped"
-        ]
+        sockets, spacers = board_parts(four)
+        assert sockets == ("connector", 1, "pieces", "JST B32B-PHDSS, vertical; plug PHDR-32VS with wires crimped")
+        assert spacers[:2] == ("spacer", 4) and spacers[3].startswith("0.9 mm")
     few = replace(plan, spec=spec, coils=replace(plan.coils, rows=1, columns=3))
     with pytest.raises(InfeasibleError, match=r"coil\.connector: must be one of fewer pins than 'jst-phd'"):
         board_of(few)
