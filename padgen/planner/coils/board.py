@@ -81,10 +81,7 @@ def house_of(coil: Coil) -> dict[str, Any]:
     SpecError
         There is no such house.
     """
-    houses = catalogue("board_house")
-    if coil.house not in houses:
-        raise unknown_name(coil.house, list(houses), "house in board_houses.csv", "coil.house")
-    return houses[coil.house]
+    return _entry("board_house", coil.house, "house in board_houses.csv", "coil.house")
 
 
 def connector_of(coil: Coil) -> dict[str, Any]:
@@ -95,10 +92,15 @@ def connector_of(coil: Coil) -> dict[str, Any]:
     SpecError
         There is no such connector.
     """
-    connectors = catalogue("connector")
-    if coil.connector not in connectors:
-        raise unknown_name(coil.connector, list(connectors), "connector in connectors.csv", "coil.connector")
-    return connectors[coil.connector]
+    return _entry("connector", coil.connector, "connector in connectors.csv", "coil.connector")
+
+
+def _entry(table: str, name: str, what: str, where: str) -> dict[str, Any]:
+    """Return a catalogue's entry; raise `SpecError` for `what` it does not have, in the field `where`."""
+    entries = catalogue(table)
+    if name not in entries:
+        raise unknown_name(name, list(entries), what, where)
+    return entries[name]
 
 
 @lru_cache(maxsize=64)
