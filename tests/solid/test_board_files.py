@@ -280,9 +280,10 @@ def random_plan(plan, rng, is_widest):
 @pytest.mark.kicad
 def test_kicad_finds_nothing_on_boards(plan, tmp_path):
     rng = np.random.default_rng(36)
-    paths = [save(tmp_path, "board", board_of(plan), house_of(plan.spec.coil))]
+    templates = [pg.plan(name) for name in ("board-32", "fingertip-board-24")]
+    paths = [save(tmp_path, each.name, board_of(each), house_of(each.spec.coil)) for each in templates]
     refused = 0
-    while len(paths) < 31:
+    while len(paths) < 32:
         other = random_plan(plan, rng, is_widest=len(paths) % 2 == 0)
         try:
             board = board_of(other)
