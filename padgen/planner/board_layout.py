@@ -28,7 +28,7 @@ from padgen.core.units import COPPER_OHM_M, MM
 from padgen.physics.board_coil import BoardCoil, BoardLayer, board_layers, ends_at_via, rectangle_path, side_via
 from padgen.planner.coils import without_sizes
 from padgen.planner.coils.board import DEFAULT_CONNECTOR, HEAD_MM, board_coil, connector_of, house_of
-from padgen.planner.layout import SLACK_MM, coil_axis_mm, corner_holes_mm
+from padgen.planner.layout import SLACK_MM, coil_axis_mm, corner_groove, corner_holes_mm
 from padgen.planner.plan import Plan
 from padgen.spec import Coil, Spec
 
@@ -218,8 +218,7 @@ def board_of(plan: Plan) -> Board:
             f" {number(width_mm)} x {number(depth_mm)} mm",
             "pad.width_mm" if width_mm > depth_mm else "pad.depth_mm",
         )
-    first_x, first_y = axes[0, 0]
-    mark_x = -half_x + 1.5 if first_x <= 0 else half_x - 1.5
+    groove = corner_groove(spec)
     return Board(
         name=plan.name,
         layers=len(coil.copper),
@@ -234,7 +233,7 @@ def board_of(plan: Plan) -> Board:
         connector=connector,
         holes=tuple(Hole(at, hole) for at in corner_holes_mm(spec.pad)),
         labels=tuple(labels),
-        mark_mm=(mark_x, first_y),
+        mark_mm=((groove.x0 + groove.x1) / 2, (groove.y0 + groove.y1) / 2),
     )
 
 
@@ -375,8 +374,8 @@ def _sides(
     far = [place for place in places if place not in near]
     if max(len(near), len(far)) > fitting:
         raise InfeasibleError(
-            f"must be at most {2 * fitting} for two connectors {connector.name!r} on {number(2 * half_x)} mm, got"
-            f" {len(places)} coils of the grid {plan.coils.rows} x {plan.coils.columns}",
+            f"must have at most {2 * fitting} coils for two connectors {connector.name!r} on {number(2 * half_x)} mm,"
+            f" got {len(places)} coils of the grid {plan.coils.rows} x {plan.coils.columns}",
             "coil.grid",
         )
     return [near, far]

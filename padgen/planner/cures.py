@@ -273,7 +273,7 @@ def other_shapes(spec: Spec) -> list[Cure]:
         return []
     if coil.shape == "round":
         return [{"coil.shape": "rectangular"}]
-    return [{"coil.shape": "round", "coil.outer_depth_mm": None}]
+    return [{"coil.shape": "round"} | ({} if coil.outer_depth_mm is None else {"coil.outer_depth_mm": None})]
 
 
 def _cures(spec: Spec, limit: int) -> Iterator[Cure]:

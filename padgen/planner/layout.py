@@ -472,7 +472,10 @@ def binding_limit_text(spec: Spec, layout: Layout) -> str:
     """Return one clause that names the limit that binds this layout, and by how much."""
     spec = with_fitting_coil(spec, layout)
     kind, slack = layout.binding
-    pitch = min(spec.pad.width_mm / layout.columns, spec.pad.depth_mm / layout.rows)
+    pitches_mm = spec.pad.width_mm / layout.columns, spec.pad.depth_mm / layout.rows
+    pitch = f"pitch of {number(min(pitches_mm))} mm"
+    if spec.coil.kind == "board":
+        pitch = f"pitches of {number(pitches_mm[0])} x {number(pitches_mm[1])} mm"
     sub = f"a taxel has {number(layout.sub_width_mm)} x {number(layout.sub_depth_mm)} mm of the pad"
     inside = room(spec, layout)
     plate = plate_shape(spec)
@@ -492,7 +495,7 @@ def binding_limit_text(spec: Spec, layout: Layout) -> str:
     if least == spec.coil.sides_mm:
         with_tracks = ""
     sentences = {
-        "coil": f"the coil ({spec.coil.size_text}{with_tracks}) exceeds the pitch of {number(pitch)} mm",
+        "coil": f"the coil ({spec.coil.size_text}{with_tracks}) exceeds the {pitch}",
         "reach": f"the farthest {spec.mover.kind} lies {number(reach_mm - slack)} mm off the coil axis,"
         f" beyond the coil's reach of {number(reach_mm)} mm",
         "width": f"{sub}, {too_wide}",

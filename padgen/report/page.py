@@ -334,9 +334,9 @@ def _board_of(plan: Plan) -> dict[str, str] | None:
     size = f"{coil.size_text} on {coil.layers} layers"
     return {
         "part": f"{count} coils of {size}; padgen build --formats board makes its files, and board-parts.csv",
-        "step": f"Lay the board under the pad, the side with the names up and its dot under the corner with the groove,"
-        f" on spacers of {number(spacer_mm(plan))} mm at the screws or on the frame that padgen build --parts spacer"
-        " makes, and solder the pin header to it.",
+        "step": "Solder the connector to the board, on the side with the names. Lay the board under the pad, that side"
+        f" up and its dot under the groove, on spacers of {number(spacer_mm(plan))} mm at the screws or on the frame"
+        " that padgen build --parts spacer makes.",
     }
 
 

@@ -209,6 +209,12 @@ def _parts_rules(spec: Spec) -> list[Rule]:
             [{"coil.shape": "round"}],
         ),
         Rule(
+            coil.outer_depth_mm is None or coil.shape == "rectangular",
+            "coil.outer_depth_mm",
+            f"is of coils whose coil.shape is 'rectangular', got {number(coil.outer_depth_mm or 0)} mm",
+            [{"coil.outer_depth_mm": None}],
+        ),
+        Rule(
             coil.shape == "round" or spec.mover.kind == "magnet",
             "coil.shape",
             f"must be 'round' of coils that pull {spec.mover.kind}s, got {coil.shape!r}: rectangular coils are planned"

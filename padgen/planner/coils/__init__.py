@@ -36,7 +36,7 @@ unregister = COILS.unregister
 
 def without_sizes(coil: Coil) -> dict[str, None]:
     """Return the change of a spec that leaves the sizes of a coil, whose kind is resizable, to the search."""
-    sizes = ["outer_diameter_mm"] if coil.shape == "round" else ["outer_diameter_mm", "outer_depth_mm"]
+    sizes = ["outer_diameter_mm"] if coil.outer_depth_mm is None else ["outer_diameter_mm", "outer_depth_mm"]
     return dict.fromkeys(f"coil.{size}" for size in sizes)
 
 

@@ -208,8 +208,9 @@ def completed(given: dict[str, Any]) -> Coil:
     """
     unknown = dict.fromkeys((*WORKED_OUT, "inner_diameter_mm", "length_mm"), 1.0)
     air = {"core_diameter_mm": 0.0, "core_relative_permeability": 1.0, "core_coercivity_a_per_m": 0.0}
-    stated = {key: value for key, value in given.items() if key not in WORKED_OUT} | _depth(given)
+    stated = {key: value for key, value in given.items() if key not in WORKED_OUT}
     coil: Coil = build(Coil, stated, "coil", {**DEFAULTS, **unknown, **air})
+    _refuse_depth(given)
     house = house_of(coil)
     values = _of_house(house) | stated | {"sizing": _sizing(given)}
     coil = build(Coil, values, "coil", {**DEFAULTS, **unknown, **air})
@@ -221,7 +222,6 @@ def completed(given: dict[str, Any]) -> Coil:
         coil = build(Coil, values, "coil", {**DEFAULTS, **unknown, **air})
     if coil.sizing == "auto" and coil.outer_diameter_mm < narrowest_mm(coil):
         values["outer_diameter_mm"] = float(at_least(narrowest_mm(coil)))
-        values |= _depth(values)
         coil = build(Coil, values, "coil", {**DEFAULTS, **unknown, **air})
     _refuse_room(coil, bore_mm)
     board = board_coil(coil)
@@ -246,14 +246,8 @@ def completed(given: dict[str, Any]) -> Coil:
     return made
 
 
-def _depth(given: dict[str, Any]) -> dict[str, Any]:
-    """Return the `outer_depth_mm` of a `[coil]` table: that of a rectangular coil, by default as deep as it is wide.
-
-    Raises
-    ------
-    SpecError
-        A round coil has one, or one is given alone.
-    """
+def _refuse_depth(given: dict[str, Any]) -> None:
+    """Raise `SpecError` for an `outer_depth_mm` in a `[coil]` table of round coils, or one that is given alone."""
     depth_mm = given.get("outer_depth_mm")
     if given.get("shape", "round") != "rectangular":
         if depth_mm is not None:
@@ -264,14 +258,12 @@ def _depth(given: dict[str, Any]) -> dict[str, Any]:
                 "coil.outer_depth_mm",
                 [{"coil.outer_depth_mm": None}, rectangular],
             )
-        return {}
-    if depth_mm is not None and "outer_diameter_mm" not in given:
+    elif depth_mm is not None and "outer_diameter_mm" not in given:
         raise SpecError(
             f"takes coil.outer_diameter_mm, the size along x, which is not given, got {shown(depth_mm)} mm",
             "coil.outer_depth_mm",
             [{"coil.outer_depth_mm": None}, {"coil.outer_diameter_mm": depth_mm}],
         )
-    return {"outer_depth_mm": depth_mm or given.get("outer_diameter_mm", DEFAULTS["outer_diameter_mm"])}
 
 
 def _sizing(given: dict[str, Any]) -> str:
@@ -350,7 +342,7 @@ def _refuse_room(coil: Coil, bore_mm: float) -> None:
         side_mm = min(width_mm, depth_mm)
         narrower_mm = side_mm - (needed_mm - coil.inner_diameter_mm)
         cures: list[dict[str, Any]] = [{where: float(at_least(needed_mm))}]
-        if depth_mm == width_mm < needed_mm and not board.is_round:
+        if coil.outer_depth_mm == width_mm:
             cures = [dict.fromkeys(("coil.outer_diameter_mm", "coil.outer_depth_mm"), float(at_least(needed_mm)))]
         if narrower_mm > bore_mm:
             cures.append({"coil.inner_diameter_mm": float(at_most(narrower_mm))})

@@ -38,7 +38,7 @@ def make(plan: "Plan", quick: bool) -> tuple[Figure, ...]:
             x=tuple(turn * float(x) for x, _ in places),
             y=tuple(float(y) for _, y in places),
             diameter=plan.spec.coil.outer_diameter_mm,
-            depth=plan.spec.coil.outer_depth_mm,
+            depth=None if plan.spec.coil.shape == "round" else plan.spec.coil.sides_mm[1],
             numbers=tuple(str(k + 1) for k in range(len(where))),
             names=tuple(f"r{row}c{column}" for row, column in where),
             names_note="r1c2: row 1, column 2, as in the names of taxels",

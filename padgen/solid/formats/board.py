@@ -6,7 +6,7 @@
 
 from math import dist
 
-from padgen.core.errors import number
+from padgen.core.errors import InfeasibleError, number
 from padgen.core.files import OutputFolder
 from padgen.planner.board_layout import Board, arc_centre, board_of
 from padgen.planner.coils.board import house_of
@@ -33,7 +33,11 @@ def write(out: OutputFolder, job: ExportJob) -> None:
     """
     if job.pad is None:
         return
-    board = board_of(job.plan)
+    try:
+        board = board_of(job.plan)
+    except InfeasibleError as error:
+        tried = [cure for finding in job.plan.findings if finding.code == "board.room" for cure in finding.cures]
+        raise InfeasibleError(error.message, error.where, tried[:1]) from error
     house = house_of(job.plan.spec.coil)
     out.write(f"{board.name}.kicad_pcb", pcb_text(board))
     out.write(f"{board.name}.kicad_pro", project_text(board, house))
@@ -65,21 +69,25 @@ files             board-copper-1 (top) to board-copper-{board.layers} (bottom), 
                   board-outline, board-plated.drl, board-holes.drl
 
 All of a coil is one net: coils are spirals with the space stated between turns, no short circuit.
-A coil has {number(coil.resistance_ohm)} ohm at 20 C and {number(coil.inductance_mh * 1e3)} uH. Between its two pins,
-those of one column of the connector, it has with its tracks, in ohm at 20 C:
+A coil has {number(coil.resistance_ohm)} ohm at 20 C and {number(coil.inductance_mh * 1e3)} uH, and with its tracks
+between its two pins, in ohm at 20 C (coils and their amplifier outputs have one number):
 
-{_ohms_by_coil(board, coil.resistance_ohm)}
+{_pin_table(board, coil.resistance_ohm)}
 
-The pad lies on the side of the names, its marked corner over the dot, on spacers of {number(spacer_mm(plan))} mm.
+The pad lies on the side of the names, the groove in its edge over the dot, on spacers of {number(spacer_mm(plan))} mm.
 """
 
 
-def _ohms_by_coil(board: Board, coil_ohm: float) -> str:
-    """Return a text table of each coil's name and resistance in ohm between its two pins, five coils per row."""
-    ohms = [f"{name} {coil_ohm + leads:.2f}" for name, leads in zip(board.nets, board.leads_ohm, strict=True)]
-    width = max(map(len, ohms))
-    rows = (ohms[k : k + 5] for k in range(0, len(ohms), 5))
-    return "\n".join("   ".join(entry.ljust(width) for entry in row).rstrip() for row in rows)
+def _pin_table(board: Board, coil_ohm: float) -> str:
+    """Return a text table of the coils in the order of their pins: connector, pins, name, number, resistance in ohm."""
+    first_pins = sorted((pin.connector, pin.number, pin.net) for pin in board.pins if pin.row == 0)
+    rows = [
+        (f"J{connector + 1}", f"{number}-{number + 1}", board.nets[net - 1], str(net))
+        for connector, number, net in first_pins
+    ]
+    ohms = [f"{coil_ohm + board.leads_ohm[net - 1]:.2f}" for _, _, net in first_pins]
+    lines = [("", "pins", "coil", "number", "ohm"), *((*row, ohm) for row, ohm in zip(rows, ohms, strict=True))]
+    return "\n".join(f"{a:4}{b:8}{c:9}{d:9}{e}".rstrip() for a, b, c, d, e in lines)
 
 
 def board_svg(board: Board) -> str:
@@ -115,7 +123,12 @@ def board_svg(board: Board) -> str:
         parts.append(f'<circle cx="{x:.3f}" cy="{-y:.3f}" r="{via.drill_mm / 2:g}" fill="#222"/>')
     for pin in board.pins:
         x, y = pin.at_mm
-        parts.append(f'<circle cx="{x:.3f}" cy="{-y:.3f}" r="{board.connector.pad_mm / 2:g}" fill="#d9c27a"/>')
+        half = board.connector.pad_mm / 2
+        round_edges = 0 if pin.number == 1 else half
+        parts.append(
+            f'<rect x="{x - half:.3f}" y="{-y - half:.3f}" width="{2 * half:g}" height="{2 * half:g}"'
+            f' rx="{round_edges:g}" fill="#d9c27a"/>'
+        )
         parts.append(f'<circle cx="{x:.3f}" cy="{-y:.3f}" r="{board.connector.drill_mm / 2:g}" fill="#222"/>')
     for hole in board.holes:
         x, y = hole.at_mm
