@@ -374,8 +374,8 @@ def _sides(
     far = [place for place in places if place not in near]
     if max(len(near), len(far)) > fitting:
         raise InfeasibleError(
-            f"must have at most {2 * fitting} coils for two connectors {connector.name!r} on {number(2 * half_x)} mm,"
-            f" got {len(places)} coils of the grid {plan.coils.rows} x {plan.coils.columns}",
+            f"must leave at most {fitting} coils to each of two connectors {connector.name!r} on"
+            f" {number(2 * half_x)} mm, got {max(len(near), len(far))} of {plan.coils.rows} x {plan.coils.columns}",
             "coil.grid",
         )
     return [near, far]
