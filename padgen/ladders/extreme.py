@@ -751,6 +751,8 @@ FREE = (
     "structure",
     "name",
     "source",
+    "shape",
+    "outer_depth_mm",
     "power_w",
     "dynamic_ratio",
     "wet_ratio",
