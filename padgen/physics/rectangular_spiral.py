@@ -31,12 +31,23 @@ __all__ = [
 ]
 
 
+NO_CUT = 1e-12
+"""Depth in m of a corner's cut up to which there is none: rounding."""
+
+
 def _crossing(one: tuple[int, float], other: tuple[int, float]) -> tuple[float, float]:
     """Return where two lines cross, each given by its direction in eighths of a turn and its distance from the axis."""
     ax, ay = EIGHTHS[one[0] % 8]
     bx, by = EIGHTHS[other[0] % 8]
     turning = ax * by - ay * bx
     return (one[1] * by - other[1] * ay) / turning, (ax * other[1] - bx * one[1]) / turning
+
+
+def _is_cut(before: tuple[int, float], cut: tuple[int, float], after: tuple[int, float]) -> bool:
+    """Return whether a cut takes something off the corner of the two sides beside it."""
+    x, y = _crossing(before, after)
+    along = EIGHTHS[cut[0] % 8]
+    return along[0] * x + along[1] * y > cut[1] + NO_CUT
 
 
 @lru_cache(maxsize=256)
@@ -55,12 +66,8 @@ def spiral_path(outer: LoopSides, pitch: float, start: int, turns: float, sense:
     lines = []
     for k in range(count + 1):
         eighth, distance = line(k)
-        if eighth % 2 and k < count:
-            x, y = _crossing(line(k - 1), line(k + 1))
-            along = EIGHTHS[eighth % 8]
-            if along[0] * x + along[1] * y <= distance:
-                continue
-        lines.append((eighth, distance))
+        if eighth % 2 == 0 or k == count or _is_cut(line(k - 1), (eighth, distance), line(k + 1)):
+            lines.append((eighth, distance))
     last = lines[-1]
     corners = [_foot(lines[0]), *(_crossing(a, b) for a, b in pairwise(lines))]
     if last[0] % 2:
@@ -121,11 +128,7 @@ def loops_between(outer: LoopSides, pitch: float, turns: float, inside: LoopSide
 def loop_segments(outline: LoopSides) -> np.ndarray:
     """Return the sides and cuts of a loop, counterclockwise: start and end points (n, 2, 2) in m."""
     lines = [(k, outline.distance(k)) for k in range(8)]
-    kept = []
-    for k, line in enumerate(lines):
-        x, y = _crossing(lines[k - 1], lines[(k + 1) % 8]) if k % 2 else (np.inf, np.inf)
-        if k % 2 == 0 or EIGHTHS[k][0] * x + EIGHTHS[k][1] * y > line[1] + 1e-12:
-            kept.append(line)
+    kept = [line for k, line in enumerate(lines) if k % 2 == 0 or _is_cut(lines[k - 1], line, lines[(k + 1) % 8])]
     corners = [_crossing(a, b) for a, b in zip([kept[-1], *kept], kept, strict=False)]
     return np.array([[a, b] for a, b in zip(corners, [*corners[1:], corners[0]], strict=True)])
 
@@ -145,7 +148,6 @@ def inductance_of_loops(
     the coil's, times the part of its turn that is there. `track` is the width of all and the thickness of each (n,).
     """
     way = segments[:, 1] - segments[:, 0]
-    length = np.hypot(*way.T)
     eighth = np.round(np.arctan2(way[:, 1], way[:, 0]) * 4 / pi).astype(int) % 8
     total = 0.0
     for direction in range(4):
@@ -156,7 +158,6 @@ def inductance_of_loops(
             total += _aslant(
                 (segments[alike], depth[alike], flow[alike]), (segments[sides], depth[sides], flow[sides]), beside
             )
-    assert length.min() > 0
     return float(MU_0 / (4 * pi) * total)
 
 

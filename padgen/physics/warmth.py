@@ -118,7 +118,7 @@ def gap_w_per_m2_k(gap_m: float, mean_c: float) -> float:
 
 
 class WarmedTable:
-    """What flows from the lower layer into the table, whose surface is warmed by the whole of that flow."""
+    """Heat flow from the lower layer into the table, whose surface the whole of that flow warms."""
 
     def __init__(self, layers: WarmLayers) -> None:
         """Work out how patches of the table's surface warm each other and what flows to them."""
@@ -170,7 +170,7 @@ def _half_space(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 MEAN_AT = (0.2113248654, 0.7886751346)
-"""Where along its sides a patch's rise is taken: Gauss's two points."""
+"""Places along a patch's side, as shares of it, at which its rise is averaged: Gauss's two points."""
 
 
 def _corner(x: np.ndarray, y: np.ndarray) -> np.ndarray:

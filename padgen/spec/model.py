@@ -461,7 +461,7 @@ class Coil:
 
     @property
     def size_text(self) -> str:
-        """How wide the coil is, as text: its diameter, or the sides of a rectangular one."""
+        """Size of the coil as text: its diameter, or the sides of a rectangular one."""
         sides_mm = self.sides_mm[:1] if self.shape == "round" else self.sides_mm
         return " x ".join(map(number, sides_mm)) + " mm"
 
@@ -478,13 +478,15 @@ class Coil:
     @property
     def face_mm2(self) -> float:
         """Area in mm² that the coil covers, cut corners and all."""
-        x, y = self.sides_mm
-        return pi / 4 * x * y if self.shape == "round" else x * y
+        return self._area_mm2(self.sides_mm)
 
     @property
     def bore_mm2(self) -> float:
         """Area in mm² of the winding's bore."""
-        x, y = self.bore_sides_mm
+        return self._area_mm2(self.bore_sides_mm)
+
+    def _area_mm2(self, sides_mm: tuple[float, float]) -> float:
+        x, y = sides_mm
         return pi / 4 * x * y if self.shape == "round" else x * y
 
     @property
