@@ -235,9 +235,18 @@ def cured(sentence: str, cures: Sequence[Mapping[str, Any]]) -> str:
 
 
 def as_lines(cure: Mapping[str, Any]) -> str:
-    """Return a spec change as text: for each field ``FIELD = VALUE`` or ``leaving out FIELD``, joined by ``with``."""
-    lines = (f"leaving out {key}" if value is None else f"{key} = {_toml(value)}" for key, value in cure.items())
-    return " with ".join(lines)
+    """Return a spec change as text: the fields that are set, then those that are left out.
+
+    >>> as_lines({"coil.shape": "round", "coil.outer_depth_mm": None}), as_lines({"coil.name": None, "coil.grid": None})
+    ("coil.shape = 'round' without coil.outer_depth_mm", 'leaving out coil.name and coil.grid')
+    """
+    left_out = [key for key, value in cure.items() if value is None]
+    settings = " with ".join(f"{key} = {_toml(value)}" for key, value in cure.items() if value is not None)
+    if not left_out:
+        return settings
+    if not settings:
+        return f"leaving out {listed(left_out)}"
+    return f"{settings} without {listed(left_out)}"
 
 
 def _toml(value: Any) -> str:

@@ -672,7 +672,7 @@ def explanation_text(explanation: "Explanation") -> str:
         rows = [("as it is", "", f"{coils} x {channels}", *_printed_cells(explanation), "", "")]
         rows += [
             (
-                change.change.replace(" with ", "\n  with "),
+                change.change.replace(" with ", "\n  with ").replace(" without ", "\n  without "),
                 change.cost.split()[-1],
                 f"{change.coils} x {change.channels}",
                 *_printed_cells(change),

@@ -121,6 +121,8 @@ def test_cures_in_words():
     words = "coil.reuse = 'same' with taxel.centre_post = true with band_hz = [50, 70.5]"
     assert cured("no", [cure]) == f"no; {words} would do"
     assert cured("no", [{"material": None}, {"q_min": 1.5}]) == "no; leaving out material, or q_min = 1.5, would do"
+    assert cured("no", [{"coil": None, "washer": None}]) == "no; leaving out coil and washer would do"
+    assert cured("no", [{"washer": None, "q_min": 2.5}]) == "no; q_min = 2.5 without washer would do"
     assert cured("no", []) == "no"
 
 
